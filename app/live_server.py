@@ -4,7 +4,6 @@ The event loop reads messages and keeps the newest picture; one thread computes.
 nerfnav/live/messages.py.
 """
 
-
 import asyncio
 import time
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from websockets.http11 import Request, Response
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.live import Answer, Navigator, messages
-from nerfnav.live.pictures import pixels_of
+from nerfnav.live.navigator import pixels_of
 from nerfnav_app.security.access import AccessPolicy
 from nerfnav_app.system import TORCH_THREADS
 
@@ -72,7 +71,7 @@ class LiveServer:
     """Lets one vehicle talk to a navigator."""
 
     def __init__(self, navigator: Navigator, welcome: messages.Welcome, host: str, token: str) -> None:
-        """Nobody is connected; `host` is what it will listen at."""
+        """Prepare a server that will listen at `host`."""
         self._navigator, self._welcome = navigator, welcome
         self._access = AccessPolicy(host, token, bytes)
         self._taken = False

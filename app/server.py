@@ -33,15 +33,15 @@ class App:
         begun: FieldSurfaceLayer | None = None,
         remembers: bool = False,
     ) -> None:
-        """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops.
+        """Nothing is listened at before `start`; with `begun`, its server is used, which the caller stops.
 
         An app that `remembers` begins with the ends, settings and view with which the last one left the place.
         """
         self._host, self._port, self._token = host, port, token
         self._library = PlaceLibrary()
         memory = SessionMemory(self._library.folder / "left_off", what) if remembers else None
-        surface, left_off = None if begun is None else begun.surface, None if memory is None else memory.last()
-        session = Session.opening(what, surface=surface, left_off=left_off)
+        surface, saved = None if begun is None else begun.surface, None if memory is None else memory.last()
+        session = Session.opening(what, surface=surface, saved=saved)
         self._worker = Worker(work or NavigationBackend(), self.post)
         followers = [self._worker.follow] + ([] if memory is None else [memory.follow])
         self._loop = UiLoop(session, *followers)
@@ -54,7 +54,7 @@ class App:
 
     @property
     def url(self) -> str:
-        """Where the page is, token included."""
+        """URL of the page, token included."""
         return page_url(self._host, self._port, self._token)
 
     def start(self) -> None:

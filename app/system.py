@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 TORCH_THREADS = 1
-"""How many threads torch may use in whoever runs jobs.
+"""Threads of torch in processes that run jobs.
 
 Planner and filter are many small operations: more threads are no faster, and burn the cores. The large work runs in
 compiled kernels, which have threads of their own.

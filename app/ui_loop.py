@@ -33,7 +33,7 @@ class UiLoop:
     """Takes messages from any thread, and moves one session on."""
 
     def __init__(self, session: Session, *follow: Callable[[Session], None]) -> None:
-        """All of `follow` are told of every session that comes about."""
+        """All of `follow` are called with every new session."""
         self.session = session
         self.parts: tuple[Shows, ...] = ()
         """What shows the session."""
@@ -62,7 +62,7 @@ class UiLoop:
         self._thread.join(5)
 
     def call_on_loop(self, wait_s: float) -> bool:
-        """Whether messages are still taken after a while."""
+        """Wait, and return whether messages are still taken."""
         self._thread.join(wait_s)
         return self._thread.is_alive()
 

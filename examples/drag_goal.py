@@ -7,7 +7,7 @@ import viser
 import nerfnav
 import nerfnav_scenes as scenes
 from nerfnav.field import UnknownSpace, field_mesh, planning_field
-from nerfnav.planner import FastPlanner, Route, last_step
+from nerfnav.planner import FastPlanner, Route
 
 START, GOAL = (0.39, -0.67, 0.2), (-0.4, 0.55, 0.16)
 
@@ -25,7 +25,7 @@ class DragGoalPage:
         scene.add_icosphere("/start", 0.03, (16, 185, 129), position=START)
         self.goal = scene.add_transform_controls("/goal", 0.2, disable_rotations=True, position=GOAL)
         self.goal.on_update(lambda _: self.moved.set())
-        self.motion = last_step(self.planner.plan(self.route())).motion
+        self.motion = nerfnav.run_steps(self.planner.plan(self.route())).motion
         self.moved.set()
 
     def route(self) -> Route:
@@ -38,7 +38,7 @@ class DragGoalPage:
         self.moved.wait()
         self.moved.clear()  # first: a move after this line gives another update
         try:
-            self.motion = last_step(self.planner.follow(self.motion, self.route())).motion
+            self.motion = nerfnav.run_steps(self.planner.replan_moved_ends(self.motion, self.route())).motion
         except nerfnav.NerfnavError as error:
             print(error)
         self.server.scene.add_spline_catmull_rom("/path", self.motion.states.position.numpy(), color=(70, 84, 255))

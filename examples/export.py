@@ -13,7 +13,7 @@ def main(out: Path) -> None:
     field = nerfnav.load_field(scenes.trained_path("stonehenge"))
     result = nerfnav.plan(nerfnav.PlanProblem(field, robot, task.start_state, task.goal_state))
     if result.outcome is not nerfnav.PlanOutcome.CONVERGED:
-        raise SystemExit(f"no plan to fly: {result.outcome and result.outcome.value}")
+        raise SystemExit(f"no plan to fly: {result.outcome.value}")
     recording = nerfnav.Recording.of_plan(result.motion, robot, title=task.name)
     out.mkdir(parents=True, exist_ok=True)
     for name in ("px4", "crazyflie"):

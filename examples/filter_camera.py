@@ -32,12 +32,11 @@ def main(steps: int) -> None:
     belief = nerfnav.Belief(mean, nerfnav.StateNoise.isotropic(0.02**2).covariance())
     hover = torch.tensor([ROBOT.weight, 0.0, 0.0, 0.0])
     for step in range(steps):
-        *_, last = estimator.update(belief, your_camera(renderer), hover, 0.1, generator)
-        assert last.posterior is not None and last.outcome is not None, "the last step has both"
-        belief = last.posterior
+        result = nerfnav.update(estimator, belief, your_camera(renderer), hover, 0.1, generator)
+        belief = result.posterior
         off = 1000 * (belief.mean.position - TRUTH.position).norm().item()
         deviation = 1000 * belief.covariance.diagonal()[:3].sum().sqrt().item()
-        print(f"step {step}: {last.outcome.name.lower()}, off by {off:.1f} mm, estimated {deviation:.1f} mm")
+        print(f"step {step}: {result.outcome.name.lower()}, off by {off:.1f} mm, estimated {deviation:.1f} mm")
 
 
 if __name__ == "__main__":

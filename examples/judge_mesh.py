@@ -34,10 +34,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "wall.glb"
         write_mesh(path)
-        *_, last = import_mesh(path)
-    assert last.imported is not None, "the last step of an import has the scene"
-    scene, robot = last.imported.scene, nerfnav.Quadrotor()
-    print(f"{len(scene.solids)} solids; guessed: {'; '.join(map(str, last.imported.report['guesses']))}")  # type: ignore
+        imported = nerfnav.run_steps(import_mesh(path))
+    scene, robot = imported.scene, nerfnav.Quadrotor()
+    print(f"{len(scene.solids)} solids; guessed: {'; '.join(map(str, imported.report['guesses']))}")  # type: ignore
     for name, height in (("through", 0.3), ("over", 1.0)):
         report = nerfnav.judge(scene, robot.body, flight(height))
         step = report.first_touched_step

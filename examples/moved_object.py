@@ -30,7 +30,7 @@ def main() -> None:
     again = nerfnav.plan(nerfnav.PlanProblem(moved, robot, start, goal))
     for name, result in (("beside the path", first), ("in the path", again)):
         nearest = (result.motion.states.position - middle).norm(dim=-1).min().item()
-        outcome = result.outcome.name.lower() if result.outcome else "unfinished"
+        outcome = result.outcome.name.lower()
         print(f"ball {name}: {outcome}, J = {result.cost.total:.2f}, passes the middle at {100 * nearest:.1f} cm")
     print(f"the ball's radius is {100 * RADIUS:.0f} cm")
 

@@ -36,16 +36,14 @@ def main(images: int, iterations: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder, generator = Path(name), torch.Generator().manual_seed(0)
         write_capture(folder, images)
-        *_, read = import_capture(folder, ImportConfig())
-        taken = read.capture
-        assert taken is not None, "the last step of an import has the capture"
+        taken = nerfnav.run_steps(import_capture(folder, ImportConfig()))
         print(f"{taken.report.images_used} photographs, {taken.report.images_held_out} of them held out for evaluation")
         print(f"box: {taken.box.describe()}; guessed: {'; '.join(taken.report.guesses)}")
         config = nerfnav.TrainConfig(voxel=0.05, iterations=iterations)
-        *_, step = nerfnav.train(taken.learned, taken.held_out, taken.box, taken.background, config, generator)
-        assert step.field is not None, "the last step of a training has the field"
-        size = nerfnav.save_field(step.field, folder / "place.npz")
-        print(f"trained: {step.psnr_db:.1f} dB on held-out views after {step.field.info.train_s:.0f} s, {size} bytes")
+        steps = nerfnav.train(taken.learned, taken.held_out, taken.box, taken.background, config, generator)
+        field = nerfnav.run_steps(steps)
+        size = nerfnav.save_field(field, folder / "place.npz")
+        print(f"trained: {field.info.psnr_db:.1f} dB on held-out views after {field.info.train_s:.0f} s, {size} bytes")
         nerfnav.load_field(folder / "place.npz")
 
 

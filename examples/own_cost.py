@@ -29,7 +29,7 @@ def main() -> None:
         result = nerfnav.plan(replace(problem, terms=terms))
         above = (result.motion.states.position[:, 2] - CEILING).clamp_min(0).sum().item()
         overlap = nerfnav.judge(scene, robot.body, result.motion.states).max_overlap_m3
-        outcome = result.outcome.name.lower() if result.outcome else "unfinished"
+        outcome = result.outcome.name.lower()
         print(f"{name} the term: {outcome}, above {CEILING} m by {above:.3f} m in all")
         for term in result.cost.added:
             print(f"  {term.name}: {term.value:.3f} of J, {term.ms:.2f} ms an evaluation")

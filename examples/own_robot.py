@@ -65,7 +65,7 @@ def main() -> None:
     scene, robot = scenes.load("stonehenge"), Blimp()
     field, task = nerfnav.load_field(scenes.trained_path("stonehenge")), scene.tasks[10]
     result = nerfnav.plan(nerfnav.PlanProblem(field, robot, task.start_state, task.goal_state, steps=20, dt=0.2))
-    print(f"{result.outcome and result.outcome.name.lower()}: J = {result.cost.total:.3f}")
+    print(f"{result.outcome.name.lower()}: J = {result.cost.total:.3f}")
     state = task.start_state
     for action in result.motion.actions:
         state = robot.step(state, action, result.motion.dt)

@@ -29,7 +29,7 @@ def main(port: int, seconds: float | None) -> None:
         except nerfnav.NerfnavError as error:  # the goal is inside a stone
             status.content = str(error)
             return
-        status.content = f"{result.outcome and result.outcome.value}, J = {result.cost.total:.1f}"
+        status.content = f"{result.outcome.value}, J = {result.cost.total:.1f}"
         points = result.motion.states.position.numpy()
         server.scene.add_spline_catmull_rom("/plan", points=points, color=(70, 84, 255))
         print(f"goal at {height.value:.2f} m: {status.content}")

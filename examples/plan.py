@@ -13,7 +13,7 @@ def main() -> None:
 
     result = nerfnav.plan(problem)
     if result.outcome is not nerfnav.PlanOutcome.CONVERGED:
-        raise SystemExit(f"no plan to fly: {result.outcome and result.outcome.value}")
+        raise SystemExit(f"no plan to fly: {result.outcome.value}")
     motion = result.motion
     print(f"{task.name}: {len(motion.actions)} actions in {len(motion.actions) * motion.dt:.1f} s")
     print(f"J = {result.cost.total:.2f}: collision {result.cost.collision:.2f}, control {result.cost.control:.2f}")

@@ -11,12 +11,12 @@ the `__init__.pyi` beside it, for type checkers and for lazy_loader alike.
 
 import os
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-# Idle OpenMP threads of torch and of numba spin against each other unless told to sleep (a training step beside
+# Idle OpenMP threads of torch and of numba spin against each other unless set to sleep (a training step beside
 # a busy process: 34 ms against 2 ms); the libraries read this when they are loaded, so it stands before them.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

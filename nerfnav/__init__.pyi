@@ -1,8 +1,11 @@
 from .api import fly as fly
 from .api import plan as plan
+from .api import update as update
 from .core.errors import NerfnavError as NerfnavError
 from .core.steps import run_steps as run_steps
 from .estimator.core.belief import Belief as Belief
+from .estimator.core.filter_step import FilterOutcome as FilterOutcome
+from .estimator.core.filter_step import FilterResult as FilterResult
 from .estimator.gauss_newton.fast_filter import FastFilter as FastFilter
 from .estimator.paper.pose_filter import PoseFilter as PoseFilter
 from .export.formats import FORMATS as FORMATS

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import nerfnav
-from nerfnav.core.cache import code_of, load_or_make
+from nerfnav.core.cache import hash_code, load_or_make
 from nerfnav.core.errors import UnknownNameError
 from nerfnav.world import Task
 
@@ -34,25 +34,25 @@ def load(name: str) -> "Scene":
         return pickle.dumps(replace(scene, mesh=scene.mesh.copy()))
 
     here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
-    key = name.encode() + code_of(here, library / "world", library / "geometry")
+    key = name.encode() + hash_code(here, library / "world", library / "geometry")
     # only what this user's own nerfnav has written is unpickled, as with numba's cache of machine code
     return pickle.loads(load_or_make("scenes", key, build))
 
 
 def tasks_of(name: str) -> tuple[Task, ...]:
-    """What is asked of robots in that scene, known without building it. Raises as `load` does."""
+    """Tasks of that scene, known without building it. Raises as `load` does."""
     _check(name)
     return importlib.import_module(f"nerfnav_scenes.tasks.{name}").TASKS
 
 
 def trained_path(name: str) -> Path:
-    """Where the trained field of a scene lies. Raises UnknownNameError, which lists the known names."""
+    """Path of the trained field of a scene. Raises UnknownNameError, which lists the known names."""
     _check(name)
     return Path(__file__).parent / "trained" / f"{name}.npz"
 
 
 def with_fields() -> list[str]:
-    """The scenes whose trained fields are there."""
+    """Names of the scenes that have a trained field."""
     return [name for name in names() if trained_path(name).is_file()]
 
 

@@ -29,14 +29,14 @@ LONG, WIDE, HIGH = 4.5, 3.5, 2.6
 _OUTER, _INNER = 0.16, 0.10
 """Thickness of walls [m]."""
 _MIDDLE, _NORTH, _WEST, _EAST = 0.35, 1.5, -1.3, 0.9
-"""Where inner walls stand: between south and north, hall and study (y), kitchen and hall, living and bedroom (x) [m].
+"""Positions of inner walls: south and north, hall and study (y), kitchen and hall, living and bedroom (x) [m].
 """
 _DOOR = 2.05
 """Height of doors [m]."""
 _FLAT, _FLOOR = 0.08, 0.045
 """Legs of the triangles of what is painted plain, and of the floor [m]."""
 _PROUD = 0.004
-"""How far boards stand out from the wall that they cover [m]."""
+"""Distance by which boards stand out from the wall that they cover [m]."""
 _WHITE, _OAK, _WALNUT = (0.94, 0.93, 0.90), (0.74, 0.53, 0.33), (0.45, 0.29, 0.18)
 _PAINTS = {
     "living": (0.90, 0.87, 0.80),

@@ -1,4 +1,4 @@
-"""What stands in the rooms of the apartment: a list of pieces for each room, and where they are."""
+"""Furniture in the rooms of the apartment: a list of pieces for each room, with their places."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from nerfnav_scenes.furniture import (
 from nerfnav_scenes.parts import Part
 
 _NORTH, _WEST, _SOUTH = np.pi / 2, np.pi, -np.pi / 2
-"""Where the front of a piece looks; east is 0."""
+"""Directions of the front of a piece; east is 0."""
 _HIGH = 2.6
 _OAK, _WALNUT, _TEAL, _RED = (0.74, 0.53, 0.33), (0.45, 0.29, 0.18), (0.13, 0.44, 0.46), (0.74, 0.22, 0.18)
 _CREAM, _BLUE, _GREY, _MUSTARD = (0.93, 0.90, 0.82), (0.20, 0.34, 0.58), (0.46, 0.47, 0.50), (0.86, 0.64, 0.20)

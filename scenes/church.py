@@ -20,7 +20,7 @@ from nerfnav_scenes.tasks.church import TASKS
 from nerfnav_scenes.walls import Opening, Span, Wall, arch, lancet, level, rose
 
 _LONG, _WIDE, _WALL = 1.42, 0.80, 0.07
-"""Where the middles of the outer walls stand along x and y, and how thick they are [m]."""
+"""Middles of the outer walls along x and y, and their thickness [m]."""
 _EAVES, _RIDGE, _SLOPE = 0.56, 1.06, 0.8
 """Heights [m] and slope of the roof."""
 _ARCADE, _COLUMNS = 0.46, (-1.0, -0.6, -0.2, 0.2)
@@ -28,7 +28,7 @@ _ARCADE, _COLUMNS = 0.46, (-1.0, -0.6, -0.2, 0.2)
 _CAPITAL, _CLERESTORY = 0.34, 0.68
 """Height of the columns and of the wall that they carry [m]."""
 _SCREEN, _GAP = 0.58, 0.20
-"""Where the rood screen stands along x, and how wide its doorway is [m]."""
+"""Position of the rood screen along x, and width of its doorway [m]."""
 _STONE, _WARM, _OAK, _DARK = (0.78, 0.71, 0.60), (0.80, 0.66, 0.50), (0.74, 0.51, 0.30), (0.58, 0.37, 0.22)
 _RED, _BLUE, _GOLD, _IVORY = (0.68, 0.12, 0.12), (0.14, 0.26, 0.62), (0.88, 0.68, 0.22), (0.90, 0.85, 0.72)
 _GLASS = ((0.86, 0.16, 0.14), (0.16, 0.32, 0.86), (0.98, 0.80, 0.24), (0.16, 0.64, 0.36), (0.62, 0.24, 0.68),
@@ -215,7 +215,7 @@ def _furniture() -> list[Part]:
 
 
 def _timbers() -> list[Part]:
-    """What is left of the roof: ties and rafters over the nave and the chancel, lean-to rafters over the aisles."""
+    """Remains of the roof: ties and rafters over the nave and the chancel, lean-to rafters over the aisles."""
     parts = [_timber((-_LONG, 0, _RIDGE - 0.03), (_LONG, 0, _RIDGE - 0.03), _DARK, 480)]
     for k, x in enumerate((*_COLUMNS, 1.0)):
         reach, foot = (_ARCADE, _CLERESTORY) if x < _SCREEN else (_WIDE, _EAVES)

@@ -1,4 +1,4 @@
-"""What surfaces are made of: functions from points on them to linear colours, rich from 20 cm down to 2.5 cm.
+"""Finishes of surfaces: functions from points on them to linear colours, rich from 20 cm down to 2.5 cm.
 
 Patterns are laid out in a part's own frame, before it is placed, with its length along x unless said otherwise.
 """

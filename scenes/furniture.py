@@ -16,7 +16,7 @@ from nerfnav_scenes.primitives import Roughness, Size, bar, box, stone, turned
 _FINE = 0.04
 """Legs of the triangles of what has a pattern [m]."""
 _GRAIN = 2.5
-"""How much coarser patterns are than in the paper's scale, which the finishes are made for."""
+"""Factor by which patterns are coarser than in the paper's scale, which the finishes are made for."""
 _LEG = 0.03
 """Thickness of legs [m]."""
 _CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
@@ -38,7 +38,7 @@ def timber(color: Color, seed: int, axis: int = 0) -> Finish:
 
 
 def cloth(color: Color, seed: int) -> Finish:
-    """Worn fabric."""
+    """Finish of worn fabric."""
     return coarse(partial(painted, color=color, seed=seed))
 
 

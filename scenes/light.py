@@ -21,21 +21,21 @@ class Light:
     """Sun and sky; colours are linear."""
 
     azimuth_deg: float = 218.0
-    """Where the sun stands, counted from east to north [degrees]."""
+    """Azimuth of the sun, counted from east to north [degrees]."""
     elevation_deg: float = 29.0
-    """How high it stands [degrees]."""
+    """Elevation of the sun [degrees]."""
     sun: Color = (2.55, 1.98, 1.36)
-    """What the sun sends."""
+    """Light of the sun."""
     sky: Color = (0.36, 0.44, 0.57)
-    """What the whole sky sends."""
+    """Light of the whole sky."""
     bounce: Color = (0.10, 0.09, 0.06)
-    """What the ground sends back upwards."""
+    """Light that the ground reflects upwards."""
     sun_rays: int = 6
     """Shadow rays to the sun's disk."""
     sky_rays: int = 48
     """Shadow rays to the sky."""
     sun_through_glass: bool = True
-    """Whether the sun falls through glass; else the sky alone does, as through a ceiling that glows."""
+    """The sun falls through glass; else the sky alone does, as through a ceiling that glows."""
 
 
 def lit(
@@ -73,7 +73,7 @@ class Glass:
         self._of_faces = color[mesh.faces].mean(1)
 
     def tint(self, origins: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """What is left of white light (n, 3) that comes to `origins` against `rays`."""
+        """Colour of white light (n, 3) that comes to `origins` against `rays`."""
         face = self._caster.first_hits(origins, rays).face
         return np.where(face[:, None] >= 0, self._of_faces[face], 1.0)
 

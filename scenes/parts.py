@@ -18,11 +18,11 @@ class Part:
     """A watertight shape with colours."""
 
     mesh: trimesh.Trimesh
-    """Where it is."""
+    """Pose of the part."""
     albedo: np.ndarray
     """Linear colours (v, 3) of its vertices, before any light."""
     glass: bool = False
-    """Whether light falls through it."""
+    """Light falls through it."""
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh, finish: Finish, glass: bool = False) -> "Part":
@@ -40,7 +40,7 @@ def slab(size: Size, finish: Finish) -> Part:
 
 
 def joined(parts: Iterable[Part], light: Light) -> tuple[trimesh.Trimesh, tuple[trimesh.Trimesh, ...]]:
-    """What is seen of parts under a light, and the solids that are touched."""
+    """Join parts under a light into the visible mesh and the solids for contact."""
     ordered = sorted(parts, key=lambda part: part.glass)
     meshes = [part.mesh for part in ordered]
     seen = lit(meshes, [part.albedo for part in ordered], light, sum(part.glass for part in ordered))

@@ -26,7 +26,7 @@ _DECK = 0.40
 _HALF = 0.21
 """Half the distance of a tower's posts [m]."""
 _A, _B = (-0.50, 0.55), (0.36, 0.55)
-"""Where the towers stand [m]."""
+"""Positions of the towers [m]."""
 _RED, _BLUE, _YELLOW, _GREEN = (0.84, 0.20, 0.17), (0.14, 0.38, 0.74), (0.95, 0.74, 0.16), (0.30, 0.62, 0.26)
 _ORANGE, _TEAL, _PLUM, _WHITE = (0.93, 0.47, 0.13), (0.12, 0.60, 0.62), (0.52, 0.25, 0.55), (0.90, 0.88, 0.82)
 _TIMBER, _RUBBER, _LEAF = (0.68, 0.46, 0.26), (0.25, 0.24, 0.25), (0.29, 0.46, 0.17)

@@ -22,7 +22,7 @@ EDGE = 0.0135
 
 @dataclass(frozen=True)
 class Roughness:
-    """How uneven a stone is."""
+    """Roughness of the surface of a stone."""
 
     rounding: float = 0.014
     """Radius of its edges [m]."""
@@ -80,7 +80,7 @@ def _wobble(points: np.ndarray, rough: Roughness, seed: int) -> np.ndarray:
 
 
 def turned(height: float, radius: Curve, edge: float) -> trimesh.Trimesh:
-    """What a lathe makes: a round shape that stands on z = 0, `radius` [m] of its heights, all above 0."""
+    """Solid of revolution that stands on z = 0, with `radius` [m] of its heights, all above 0."""
     width = 2 * float(np.max(radius(np.linspace(0, height, 50))))
     mesh = box((width, width, height), edge)
     points = mesh.vertices.copy()
@@ -143,7 +143,7 @@ def fused(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def cut(body: trimesh.Trimesh, holes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """What solids leave of another one."""
+    """Cut solids out of another one."""
     return _combined([body, *holes], OpType.Subtract)
 
 
@@ -177,7 +177,7 @@ def disk(radius: float, thickness: float, edge: float) -> trimesh.Trimesh:
 
 
 def _turns_right(triangles: np.ndarray) -> np.ndarray:
-    """Which triangles (f, 3, 2) of the plane run clockwise."""
+    """Mark triangles (f, 3, 2) of the plane that run clockwise."""
     along, across = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     return along[:, 0] * across[:, 1] < along[:, 1] * across[:, 0]
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import torch
 
 import nerfnav_scenes as scenes
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import (
     FreeSpaceAccuracy,
     describe_free_space_accuracy,
@@ -31,9 +32,7 @@ from nerfnav_scenes.named import for_named
 def learned_from(field: VoxelField, scene: Scene) -> PosedImages:
     """The pictures that a field of a bundled scene was learned from, taken again, with depth."""
     config = CaptureConfig(images=images_taken(field.info.images)).suiting(scene)
-    *_, last = capture(scene, config, torch.Generator().manual_seed(field.info.seed))
-    assert last.captured is not None, "a capture ends with its photographs"
-    return split(last.captured)[0]
+    return split(run_steps(capture(scene, config, torch.Generator().manual_seed(field.info.seed))))[0]
 
 
 def proven(field: VoxelField, scene: Scene, photographs: PosedImages) -> VoxelField:
@@ -41,9 +40,8 @@ def proven(field: VoxelField, scene: Scene, photographs: PosedImages) -> VoxelFi
     states = classify_nodes(fuse_depth(photographs, field.box, field.shape).free, field.values[..., 0])
     info = replace(field.info, learned_from="pictures", proven_from="depth")
     known = replace(field, evidence=states, info=info)
-    seen_from = (photographs.camera, photographs.poses)
-    freedom = measure_free_space_on_mesh(known, float(field.spacing.max()), scene, seen_from)
-    return replace(known, info=note_free_space(known.info, freedom))
+    accuracy = measure_free_space_on_mesh(known, field.resolution, scene, photographs.camera, photographs.poses)
+    return replace(known, info=note_free_space(known.info, accuracy))
 
 
 def main(names: list[str]) -> None:
@@ -55,8 +53,8 @@ def main(names: list[str]) -> None:
         known = proven(field, scene, learned_from(field, scene))
         size = save_field(known, Path(path))
         info = known.info
-        freedom = FreeSpaceAccuracy(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, 0.0)
-        sys.stdout.write(f"{name}: {describe_free_space_accuracy(freedom)}; {size / 1e6:.1f} MB\n")
+        accuracy = FreeSpaceAccuracy(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, 0.0)
+        sys.stdout.write(f"{name}: {describe_free_space_accuracy(accuracy)}; {size / 1e6:.1f} MB\n")
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ class Block:
     size: Size
     """Along its own x, y, z before tilting [m]."""
     foot: Size
-    """Where the middle of its underside is [m]."""
+    """Middle of its underside [m]."""
     yaw_deg: float
     """Heading of its x axis [degrees]."""
     tilt_deg: tuple[float, float] = (0.0, 0.0)
@@ -65,7 +65,7 @@ def _trilithon(radius: float, angle_deg: float, height: float) -> list[Block]:
 
 
 def _ruins() -> list[Block]:
-    """What has fallen, what stands outside the ring, and the low bluestones."""
+    """Stones that have fallen, those outside the ring, and the low bluestones."""
     bluestones = [
         (0.72, 8),
         (0.72, 24),
@@ -94,7 +94,7 @@ def _ruins() -> list[Block]:
 
 
 def blocks() -> list[Block]:
-    """All stones."""
+    """All stones of the place."""
     trilithons = [
         (0.36, 232, 0.52),
         (0.36, 174, 0.46),

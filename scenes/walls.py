@@ -29,7 +29,7 @@ class Opening:
 
 
 def level(height: float) -> Curve:
-    """A straight edge."""
+    """Curve of a straight edge."""
     return lambda x: np.full_like(x, height)
 
 
@@ -46,7 +46,7 @@ def arch(span: Span, spring: float, point: float = 0.62) -> Curve:
 
 
 def rose(middle: float, height: float, radius: float) -> Opening:
-    """A round opening."""
+    """Opening of a rose window."""
 
     def reach(x: np.ndarray) -> np.ndarray:
         return np.sqrt(np.maximum(radius**2 - (x - middle) ** 2, 0))
@@ -76,7 +76,7 @@ class Wall:
     """From below to above; spans must not overlap. One whose lower edge is below the base is a doorway."""
 
     def stones(self, finish: Finish, edge: float) -> Part:
-        """What is left of the wall between its openings, in one piece."""
+        """Wall without its openings, in one piece."""
         pieces, left = [], self.ends[0]
         for span, openings in sorted(self.openings.items()):
             if span[0] > left:

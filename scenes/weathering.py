@@ -1,4 +1,4 @@
-"""What wind, moss and lichen do to the colour of a stone."""
+"""Weathering of stones: the effect of wind, moss and lichen on their colour."""
 
 import numpy as np
 import trimesh

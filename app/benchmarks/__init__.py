@@ -1,1 +1,1 @@
-"""What nerfnav is faster at than the paper's way: both timed in one run, on one machine, with one result."""
+"""Benchmarks: nerfnav against the paper's way, timed in one run, on one machine, with equal results."""

@@ -1,6 +1,5 @@
 """Time the loop's parts beside two busy processes, all on the same two cores."""
 
-
 import os
 import statistics
 import subprocess
@@ -11,8 +10,9 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import Arena
-from nerfnav.planner import FastPlanConfig, OccupancyMap, last_step, plan_fast, replan_from
+from nerfnav.planner import FastPlanConfig, OccupancyMap, plan_fast, replan_from
 from nerfnav_app.benchmarks.comparison import milliseconds
 from nerfnav_app.benchmarks.filter import bench_filter, situations
 from nerfnav_app.benchmarks.plan import both_threads, problems_of
@@ -79,16 +79,16 @@ def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -
 
 
 def _calls(arena: Arena, tasks: int) -> dict[str, list[Callable[[], object]]]:
-    """What is timed."""
+    """Timed work."""
     problems, config = problems_of(arena, tasks), FastPlanConfig()
     occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
     generator = torch.Generator().manual_seed(0)
     pushed = [disturbed_plan(problem, generator) for problem in problems]
     fast = bench_filter(arena)
     return {
-        "plan": [lambda p=problem: last_step(plan_fast(p, config, occupancy)) for problem in problems],
+        "plan": [lambda p=problem: run_steps(plan_fast(p, config, occupancy)) for problem in problems],
         "replan": [
-            lambda p=rest, m=motion: last_step(replan_from(p, m, 1, config, occupancy)) for rest, motion in pushed
+            lambda p=rest, m=motion: run_steps(replan_from(p, m, 1, config, occupancy)) for rest, motion in pushed
         ],
         "filter": [lambda s=now: s.updated(fast) for now in situations(arena, tasks)],
     }

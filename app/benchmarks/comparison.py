@@ -23,7 +23,7 @@ class Comparison:
 
     @property
     def ratio(self) -> float:
-        """How many times as fast nerfnav's way is."""
+        """Speed of nerfnav in those of the paper's way."""
         return self.paper_ms / self.fast_ms
 
 
@@ -48,7 +48,7 @@ def median_ms(call: Callable[[], object], repeats: int) -> float:
 
 
 def milliseconds(call: Callable[[], object]) -> float:
-    """How long a call takes [ms]."""
+    """Time a call [ms]."""
     begun = time.perf_counter()
     call()
     return 1e3 * (time.perf_counter() - begun)

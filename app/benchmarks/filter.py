@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, PyramidConfig
 from nerfnav.experiments import Arena
-from nerfnav.experiments.held_out_views import SUPERSAMPLE, held_out_poses, take_picture
+from nerfnav.experiments.arena import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer
 from nerfnav_app.benchmarks.comparison import Comparison, milliseconds, time_interleaved
@@ -26,7 +27,7 @@ _BELIEF = StateNoise(0.005, 0.05, 0.005, 0.05)
 
 @dataclass(frozen=True)
 class Situation:
-    """One update."""
+    """Inputs of an update, and the truth."""
 
     belief: Belief
     """Before it."""
@@ -38,9 +39,9 @@ class Situation:
     """What it sees from there."""
 
     def updated(self, estimator: Estimator) -> RigidState:
-        """What an estimator makes of it."""
-        *_, last = estimator.update(self.belief, self.image, self.action, _DT, torch.Generator().manual_seed(0))
-        return last.mean
+        """Update the belief with an estimator."""
+        update = estimator.update(self.belief, self.image, self.action, _DT, torch.Generator().manual_seed(0))
+        return run_steps(update).step.mean
 
 
 def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int = 5) -> Comparison:
@@ -50,7 +51,7 @@ def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int =
     search from many starts.
     """
     fast = bench_filter(arena)
-    paper = PoseFilter(arena.field, fast.robot, CAMERA, config=replace(fast.config, retries=0))
+    paper = PoseFilter(arena.field, fast.robot, CAMERA, config=replace(_config(arena), retries=0))
     with both_threads() as used:
         seen = [*situations(arena, views)]
         found = [_compare(paper, fast, one, (rounds, fast_per_round)) for one in seen]
@@ -69,9 +70,12 @@ def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int =
 
 def bench_filter(arena: Arena) -> FastFilter:
     """The fast filter as it is timed."""
+    return FastFilter(arena.field, Quadrotor(), CAMERA, config=_config(arena))
+
+
+def _config(arena: Arena) -> FilterConfig:
     config = FilterConfig(pixels=PixelConfig(count=_PIXELS), pyramid=PyramidConfig(pixels=_PIXELS))
-    config = config.for_field(arena.field.info)
-    return FastFilter(arena.field, Quadrotor(), CAMERA, config=config)
+    return config.for_field(arena.field.info)
 
 
 def _search_times(fast: FastFilter, seen: list[Situation], times: int) -> list[float]:

@@ -8,8 +8,9 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.jit import threads
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import Arena
-from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, last_step, plan, plan_fast
+from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, plan, plan_fast
 from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
 
 THREADS, TORCH_THREADS = 1, 1
@@ -62,10 +63,10 @@ def _compare(problem: PlanProblem, paper: PlanConfig, rounds: int, per_round: in
     totals: dict[str, float] = {}
 
     def slow() -> None:
-        totals["paper"] = last_step(plan(problem, paper, occupancy)).cost.total
+        totals["paper"] = run_steps(plan(problem, paper, occupancy)).cost.total
 
     def fast() -> None:
-        totals["fast"] = last_step(plan_fast(problem, FastPlanConfig(weights=paper.weights), occupancy)).cost.total
+        totals["fast"] = run_steps(plan_fast(problem, FastPlanConfig(weights=paper.weights), occupancy)).cost.total
 
     fast()  # compiled, and the map's prices made
     slow_ms, fast_ms = time_interleaved(slow, fast, rounds, per_round)

@@ -3,7 +3,6 @@
 The views and the threads, as many for torch as for kernels, are those of benchmarks/train_step.py, too.
 """
 
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

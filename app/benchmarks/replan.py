@@ -2,18 +2,18 @@
 
 import statistics
 import time
-from collections.abc import Iterator
 
 import torch
 
+from nerfnav.core.steps import run_steps, yield_result
 from nerfnav.experiments import Arena
 from nerfnav.planner import (
     FastPlanConfig,
     OccupancyMap,
     PlanConfig,
     PlanProblem,
-    PlanStep,
-    last_step,
+    PlanResult,
+    PlanSteps,
     plan_fast,
     replan,
     replan_from,
@@ -51,8 +51,8 @@ def measure(
 
 
 def disturbed_plan(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
-    """What is left to plan after one step that ended elsewhere, and the plan so far."""
-    motion = last_step(plan_fast(problem)).motion
+    """Plan so far, and the problem that is left after a step that ended elsewhere."""
+    motion = run_steps(plan_fast(problem)).motion
     scale = torch.tensor([_KICK_M] * 3 + [_KICK_M / 2] * 3 + [_KICK_RAD] * 3 + [_KICK_RAD / 2] * 3)
     start = motion.states[1].retract(scale * torch.randn(12, generator=generator))
     return PlanProblem(problem.field, problem.robot, start, problem.goal, problem.steps - 1, problem.dt), motion
@@ -65,14 +65,14 @@ def _compare(
     rounds, per_round, iterations = effort
     paper = PlanConfig(iterations=iterations)
     config = FastPlanConfig(weights=paper.weights)
-    last: dict[str, PlanStep] = {}
+    last: dict[str, PlanResult] = {}
 
     def slow() -> None:
         trajectory = shift_warm_start(motion, problem.start, problem.goal, problem.robot, steps=problem.steps)
-        last["paper"] = last_step(replan(problem, trajectory, paper))
+        last["paper"] = run_steps(replan(problem, trajectory, paper))
 
     def fast() -> None:
-        last["fast"] = last_step(replan_from(problem, motion, 1, config, occupancy))
+        last["fast"] = run_steps(replan_from(problem, motion, 1, config, occupancy))
 
     fast()
     slow_ms, fast_ms = time_interleaved(slow, fast, rounds, per_round)
@@ -83,10 +83,10 @@ def _compare(
     return slow_ms, fast_ms, same_ms, last["fast"].cost.total / paper_total
 
 
-def _until(steps: Iterator[PlanStep], total: float) -> float:
+def _until(steps: PlanSteps, total: float) -> float:
     """Time of a planner [ms] until its J is at most `total`; all of its time where it ends above."""
     begun = time.perf_counter()
-    for step in steps:
+    for step in yield_result(steps):
         if step.cost.total <= total:
             break
     return 1e3 * (time.perf_counter() - begun)

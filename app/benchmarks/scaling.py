@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import Arena
 from nerfnav.experiments.figures import COLORS, bars, panels
 from nerfnav.planner import (
@@ -16,7 +17,6 @@ from nerfnav.planner import (
     PlanProblem,
     SearchConfig,
     first_guess,
-    last_step,
     plan_fast,
 )
 from nerfnav.robots import Body, Quadrotor, QuadrotorConfig
@@ -61,7 +61,7 @@ def measure(arena: Arena, repeats: int = 30, tasks: int = 10) -> Scaling:
         occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
         many, one = FastPlanConfig(), FastPlanConfig(search=SearchConfig.single())
         times = [
-            [median_ms(lambda: last_step(plan_fast(problem, config, occupancy)), 3) for problem in problems]  # noqa: B023
+            [median_ms(lambda: run_steps(plan_fast(problem, config, occupancy)), 3) for problem in problems]  # noqa: B023
             for config in (one, many)
         ]
     steps, points, spent = (np.array(column) for column in zip(*rows, strict=True))

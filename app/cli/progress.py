@@ -34,14 +34,14 @@ def run_with_progress(job: JobEvents, can_stop_early: bool = False) -> JobResult
     with _bar() as (bars, task), _stop_on_interrupt(can_stop_early) as stop:
         while True:
             try:
-                with _telling_compilation(bars, task):
+                with _show_compilation(bars, task):
                     event = job.send(answer)
             except StopIteration as end:
                 return end.value
             if isinstance(event, Progress):
                 bars.update(task, description=event.label, completed=event.fraction)
-            elif told := _told_of(event):
-                bars.update(task, told=told)
+            elif details := _details_of(event):
+                bars.update(task, details=details)
             answer = stop.asked or None
 
 
@@ -52,22 +52,22 @@ def _bar() -> Iterator[tuple[rich.progress.Progress, rich.progress.TaskID]]:
         rich.progress.BarColumn(),
         rich.progress.TaskProgressColumn(),
         rich.progress.TimeElapsedColumn(),
-        rich.progress.TextColumn("{task.fields[told]}"),
+        rich.progress.TextColumn("{task.fields[details]}"),
     )
     console = Console(stderr=True)
     hidden = not console.is_terminal
     with rich.progress.Progress(*columns, console=console, transient=True, disable=hidden) as bars:
-        yield bars, bars.add_task("starting", total=1.0, told="")
+        yield bars, bars.add_task("starting", total=1.0, details="")
 
 
-def _telling_compilation(bars: rich.progress.Progress, task: rich.progress.TaskID) -> AbstractContextManager[None]:
-    """Say for as long as the compiler works inside the block that it does."""
+def _show_compilation(bars: rich.progress.Progress, task: rich.progress.TaskID) -> AbstractContextManager[None]:
+    """Show inside the block when the compiler works."""
     before = bars.tasks[0].description
     return report_compilation(lambda begins: bars.update(task, description=COMPILING if begins else before))
 
 
-def _told_of(event: object) -> str:
-    """What a progress bar says of an event besides its fraction; empty for most events."""
+def _details_of(event: object) -> str:
+    """Text of a progress bar for an event, beside its fraction; empty for most events."""
     match event:
         case PlanStep():
             return f"iteration {event.iteration + 1}, J = {event.cost.total:.4g}"

@@ -2,12 +2,22 @@
 
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from nerfnav_app.storage.output_files import json_line
+
+
+@dataclass(frozen=True)
+class Output:
+    """Output of a subcommand, as an option: for people or for programs."""
+
+    json: bool = field(default=False, kw_only=True)
+    """Print one JSON object and nothing else."""
+
 
 _UNITS = {"m": "m", "s": "s", "ms": "ms", "db": "dB", "rad": "rad", "n": "N", "m3": "m³", "bytes": "bytes"}
 

@@ -14,21 +14,21 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.field import TrainStep
-from nerfnav.navigation import LoopEvent
+from nerfnav.navigation import FlightStep
 from nerfnav.robots import Motion
 from nerfnav.tracking import TrackedFrame
 from nerfnav_app.places.place import Place
 
 COMPILING = "compiling kernels, once on this machine"
-"""What a job does while it waits for the compiler, whatever else it is about."""
+"""Progress label of any job while it waits for the compiler."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a job is."""
+    """Progress of a job."""
 
     label: str
-    """What is being done, e.g. "optimising"."""
+    """Present work, such as "optimising"."""
     fraction: float
     """0 to 1."""
 
@@ -38,62 +38,62 @@ class JobResult:
     """Return value of a job."""
 
     summary: dict[str, Any] = field(default_factory=dict)
-    """Its numbers: what `--json` prints."""
+    """Numbers that `--json` prints."""
     files: tuple[Path, ...] = ()
-    """What it wrote."""
+    """Files that it wrote."""
 
 
 @dataclass(frozen=True)
 class JobFinished:
-    """A job has done what was asked."""
+    """End of a job that has done its work."""
 
     name: str
-    """What it is called, e.g. "plan"."""
+    """Name of the job, such as "plan"."""
     result: JobResult = field(default_factory=JobResult)
 
 
 @dataclass(frozen=True)
 class JobFailed:
-    """A job has ended without doing what was asked."""
+    """End of a job that has failed."""
 
     name: str
-    """What it is called."""
+    """Name of the job."""
     message: str
     """One sentence for the user."""
 
 
 @dataclass(frozen=True)
 class PlaceOpened:
-    """The field is loaded: the ends can be moved and plans be made."""
+    """Event: the field is loaded, start and goal can be moved, and plans be made."""
 
     place: Place
 
 
 @dataclass(frozen=True)
 class SurfaceShaped:
-    """The field can be seen."""
+    """Event: the field can be seen."""
 
     glb: bytes
     """Binary glTF, unlit, world axes; empty where nothing is dense enough to be seen."""
     rough: bool = False
-    """Whether it has colours at its corners, and no texture yet."""
+    """Colours at its corners only, no texture yet."""
 
 
 @dataclass(frozen=True)
 class FileMade:
-    """There is a file to take away."""
+    """Event: there is a file to download."""
 
     name: str
-    """What to call it."""
+    """Name of the file."""
     content: bytes = field(repr=False)
 
 
 @dataclass(frozen=True)
 class PlannerResult:
-    """What one planner has found, to be held against the others."""
+    """Result of one planner, to compare with the others."""
 
     planner: str
-    """Its name."""
+    """Name of the planner."""
     motion: Motion | None
     """Its plan; None where it refused."""
     summary: dict[str, Any]
@@ -104,40 +104,40 @@ class PlannerResult:
 
 @dataclass(frozen=True)
 class PlannerCompared:
-    """One planner of a comparison has ended."""
+    """Event: one planner of a comparison has ended."""
 
     result: PlannerResult
 
 
 @dataclass(frozen=True)
 class FrameTracked:
-    """A picture of a camera that is followed was looked at."""
+    """Event: a frame of a tracked camera was processed."""
 
     tracked: TrackedFrame
-    """Where the camera was."""
+    """Estimate of the tracker."""
     seen: UInt8[Tensor, "height width 3"] | None = field(default=None, repr=False)
-    """The picture, as it was compared; None where nobody wants to see it."""
+    """The picture as it was compared; None where pictures are not asked for."""
     shown: UInt8[Tensor, "height width 3"] | None = field(default=None, repr=False)
-    """What the field shows from there; None likewise, and where nobody knows where that is."""
+    """Rendering of the field from the estimated pose; None likewise, and where the pose is unknown."""
 
 
-JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | FrameTracked
+JobEvent = FlightStep | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | FrameTracked
 
 JobReport = JobEvent | JobFinished | JobFailed
-"""What is told of a job that runs: what it yields, then how it ended."""
+"""Event of a running job for its consumer: what it yields, then its end."""
 
 JobEvents = Generator[JobEvent, bool | None, JobResult]
-"""A job at work. Closing it cancels it; a job that says so takes True and ends early with what it has."""
+"""Generator of a job. Closing it cancels it; some jobs take True, and end early with what they have."""
 
 
 class JobRun:
     """Iterator over the events of a job, once, that keeps its return value."""
 
     result: JobResult
-    """What the job returned; not there before it has ended."""
+    """Return value of the job; missing before it has ended."""
 
     def __init__(self, job: JobEvents) -> None:
-        """Nothing of the job is done yet."""
+        """Keep the job, which has not begun."""
         self._job = job
 
     def __iter__(self) -> Iterator[JobEvent]:

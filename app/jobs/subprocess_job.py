@@ -21,14 +21,14 @@ class _Refused:
 
 
 def run_in_subprocess(job: Callable[[], JobEvents]) -> JobEvents:
-    """Yield what a job yields, and four times a second how far it is; return what it returns. Closing ends the process.
+    """Yield the events of a job, and its progress four times a second; return its result. Closing ends the process.
 
     `job` travels to the process: a function of a module, with plain values. Raises NerfnavError where the job does, or
     where the process ends before the job.
     """
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_tell, args=(job, sender), daemon=True)
+    process = context.Process(target=_send_events, args=(job, sender), daemon=True)
     process.start()
     sender.close()
     reached = Progress("starting a process for it", 0.0)
@@ -53,7 +53,7 @@ def _received(receiver: Connection) -> JobEvent | JobResult:
     return message
 
 
-def _tell(job: Callable[[], JobEvents], sender: Connection) -> None:
+def _send_events(job: Callable[[], JobEvents], sender: Connection) -> None:
     """Do the job and send what it yields and returns. Runs in the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who started it, who then ends this process
     with suppress(BrokenPipeError):

@@ -2,9 +2,8 @@
 
 The status is always at the top; everything else is in tabs, in the order of use. A new layer is a file in `layers/`
 and a line in `layers`. A new panel is a file in `panels/` and a line in PANELS; `register` adds one from outside
-before the page is put up.
+before the page is built.
 """
-
 
 import viser
 
@@ -33,7 +32,7 @@ from nerfnav_app.places.uploads import TrackSources
 
 
 def layers(page: Page) -> tuple[Panel, ...]:
-    """Put up all layers but the field's surface, which is there before them."""
+    """Build all layers but the field's surface, which is there before them."""
     server = page.server
     return (
         SplatsLayer(server),
@@ -79,16 +78,16 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     PanelEntry("screenshot", lambda page: screenshot.ScreenshotPanel(page.server, page.post), "Export"),
     PanelEntry("map", lambda page: map_panel.OccupancyMapPanel(page.server, page.post), "Export"),
 ))  # fmt: skip
-"""Name to panel, in the order of the page; a tab is where its first panel is."""
+"""Name to panel, in the order of the page; the first panel of a tab sets the tab's position."""
 
 
 def register(entry: PanelEntry) -> None:
-    """Put a panel on every page from now on. Raises NameTakenError where another one has its name."""
+    """Add a panel to every page from now on. Raises NameTakenError where another one has its name."""
     PANELS.register(entry)
 
 
 def panels(page: Page) -> tuple[Panel, ...]:
-    """Put up all panels."""
+    """Build all panels in their tabs."""
     made = [entry.make(page) for entry in PANELS.values() if entry.tab is None]
     group = page.server.gui.add_tab_group()
     tabs: dict[str, viser.GuiTabHandle] = {}

@@ -1,4 +1,4 @@
-// What viser's page cannot be asked for in Python: lines that are seen through walls, and help by "?".
+// Additions to viser's page that its Python API lacks: lines drawn over walls, and help by "?".
 "use strict";
 (() => {
   const EVERY_MS = 250;
@@ -19,7 +19,7 @@
     }
   }, EVERY_MS);
 
-  // viser tells every tab how far an upload of another tab is, without its name.
+  // viser shows the progress of an upload in every other tab, without its name.
   setInterval(() => {
     for (const title of document.querySelectorAll(".mantine-Notification-title")) {
       if (title.textContent.startsWith("Uploading undefined")) {
@@ -28,7 +28,7 @@
     }
   }, EVERY_MS);
 
-  // Help comes by itself at the first sight of this browser, and by "?".
+  // Help opens by itself on the first visit of this browser, and by "?".
   const SEEN = "nerfnav-help-seen", help = document.getElementById("nerfnav-help");
   const open = () => { if (!help.open) help.showModal(); };
   document.getElementById("nerfnav-ask").addEventListener("click", open);

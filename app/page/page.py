@@ -1,9 +1,8 @@
-"""Page: put up all layers and panels once everything is imported.
+"""Page: build all layers and panels once everything is imported.
 
 Widgets take their icons from one open archive: viser alone lists an archive of thousands anew for each icon that it
 has not shown yet.
 """
-
 
 import zipfile
 from collections.abc import Callable, Iterator
@@ -22,7 +21,7 @@ from nerfnav_app.state.actions import Command
 
 @contextmanager
 def icons_at_hand() -> Iterator[None]:
-    """Let widgets that are made inside the block take their icons out of one open archive."""
+    """Keep viser's archive of icons open for the widgets that are made inside the block."""
     with zipfile.ZipFile(_icons.ICONS_DIR / "tabler-icons.zip") as archive:
         _icons.zipfile = SimpleNamespace(ZipFile=lambda _: nullcontext(archive))  # type: ignore[assignment]
         try:
@@ -31,10 +30,8 @@ def icons_at_hand() -> Iterator[None]:
             _icons.zipfile = zipfile  # type: ignore[attr-defined]
 
 
-def build_page(
-    surface: FieldSurfaceLayer, post: Callable[[Command], None], library: PlaceLibrary
-) -> tuple[Panel, ...]:
-    """Put up all layers and panels, in place of what was seen at first: the surface, on whose server the page is."""
+def build_page(surface: FieldSurfaceLayer, post: Callable[[Command], None], library: PlaceLibrary) -> tuple[Panel, ...]:
+    """Build all layers and panels on the server of the surface, in place of the splash page."""
     page = Page(surface.server, post, library)
     page.server.gui.reset()
     apply_theme(page.server)

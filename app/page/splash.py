@@ -11,7 +11,7 @@ from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
 
 
 def show_splash(server: viser.ViserServer, surface: bytes | None) -> FieldSurfaceLayer:
-    """Show the surface of the place, where it is known, and that more is to come."""
+    """Show a title and the surface of the place, where it is known."""
     apply_theme(server)
     server.gui.add_html(heading("nerfnav", "Starting…"))
     return FieldSurfaceLayer(server, surface)

@@ -30,11 +30,11 @@ def _map_of(place: Place, config: OccupancyConfig, height: float | None) -> Occu
 
 @lru_cache(maxsize=1)
 def describe_unproven_in(place: Place) -> str:
-    """What is not proven of the place, in words; counted once."""
+    """Describe the unproven space of the place; counted once."""
     return describe_unproven(place.field)
 
 
 @lru_cache(maxsize=1)
 def build_searcher(place: Place, camera: Camera, noise: ColorNoise) -> GlobalLocalizer:
-    """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
+    """Make the global localizer of the place; once, for it renders panoramas everywhere first."""
     return GlobalLocalizer(place.field, camera, noise, RelocaliseConfig().for_field(place.field.info))

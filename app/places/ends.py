@@ -1,4 +1,4 @@
-"""Start and goal, as a person puts them down."""
+"""Ends of a route: start and goal, as the user gives them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from nerfnav_app.places.place import Place
 
 Point = tuple[float, float, float]
 _TYPED_M = 0.005
-"""People type numbers in centimetres: what is so near is meant."""
+"""Tolerance of typed numbers, which are in centimetres."""
 
 
 class EndRole(Enum):
@@ -23,7 +23,7 @@ class EndRole(Enum):
 
 @dataclass(frozen=True)
 class End:
-    """Where the robot starts or is to arrive, level and at rest."""
+    """End of a route: start or goal, level and at rest."""
 
     position: Point = (0.0, 0.0, 0.0)
     """In the world [m]."""
@@ -31,12 +31,12 @@ class End:
     """Heading [rad]."""
 
     def state(self) -> RigidState:
-        """The state that this end stands for."""
+        """State of a robot at this end."""
         return RigidState.at_rest(self.position, self.yaw)
 
     @classmethod
     def of_state(cls, state: RigidState) -> "End":
-        """The end that a level state at rest stands for."""
+        """End of a level state at rest."""
         x, y, z = state.position.tolist()
         return cls((round(x, 4), round(y, 4), round(z, 4)), round(so3.yaw_of(state.rotation).item(), 4))
 
@@ -57,14 +57,14 @@ class End:
 
 @dataclass(frozen=True)
 class Ends:
-    """Start and goal."""
+    """Ends of a route: its start and its goal."""
 
     start: End = End()
     goal: End = End()
 
     @classmethod
     def of_task(cls, task: Task) -> "Ends":
-        """What a task asks for."""
+        """Start and goal of a task."""
         return cls(End(task.start, task.start_yaw), End(task.goal, task.goal_yaw))
 
     def of(self, which: EndRole) -> End:
@@ -72,7 +72,7 @@ class Ends:
         return self.start if which is EndRole.START else self.goal
 
     def moved(self, which: EndRole, end: End) -> "Ends":
-        """The same ends but for one."""
+        """Replace the start or the goal."""
         return replace(self, start=end) if which is EndRole.START else replace(self, goal=end)
 
 
@@ -84,7 +84,7 @@ def default_ends(place: Place, task: str | None) -> Ends | None:
         return Ends(
             End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
         )
-    for known in place.tasks:
-        if known.name == task:
-            return Ends.of_task(known)
+    for each in place.tasks:
+        if each.name == task:
+            return Ends.of_task(each)
     return None

@@ -9,7 +9,6 @@ One folder for each, named by a digest of what was brought, so that the same upl
     robots/              see app/places/robot_library.py
 """
 
-
 import json
 import os
 import re
@@ -59,22 +58,22 @@ class KeptPlace:
 
     @property
     def what(self) -> str:
-        """What is opened."""
+        """Path of the source, which is opened."""
         return str(self.folder / self.source)
 
     @property
     def field_file(self) -> Path:
-        """Where its field is."""
+        """Path of its field."""
         return self.folder / self.field
 
     @property
     def picture_file(self) -> Path:
-        """Where its picture is; nothing may be there."""
+        """Path of its picture, which may be missing."""
         return self.folder / PICTURE
 
 
 def read_place(folder: Path) -> KeptPlace | None:
-    """What is known of a place; None where nothing is, or its field is gone."""
+    """Read the record of a place; None where there is none, or its field is gone."""
     try:
         about = json.loads((folder / ABOUT).read_text())
         name, source, date, field = (str(about[key]) for key in _KNOWN)
@@ -87,7 +86,7 @@ def read_place(folder: Path) -> KeptPlace | None:
 
 
 def write_place(place: KeptPlace) -> None:
-    """Raises InvalidInputError where the disk does not take it."""
+    """Write the record of a place. Raises InvalidInputError where the disk does not take it."""
     about = {key: value for key, value in asdict(place).items() if key in _KNOWN}
     try:
         with replace_file(place.folder / ABOUT) as stream:
@@ -147,7 +146,7 @@ class PlaceLibrary:
         return read_place(folder) if self.holds(path) else None
 
     def holds(self, path: str | Path) -> bool:
-        """Whether a file was brought to the library."""
+        """Check whether a file is in the library."""
         return Path(path).parent.parent == self.folder
 
     def opened(self, source: Path, field: Path, picture: bytes) -> KeptPlace | None:
@@ -183,7 +182,7 @@ class PlaceLibrary:
             raise InvalidInputError(f"the place cannot be deleted: {error.strerror}") from error
 
     def close(self) -> None:
-        """Forget what was brought in vain: it never opened."""
+        """Delete uploads that never opened."""
         for folder in self._brought:
             if not (folder / ABOUT).is_file():
                 shutil.rmtree(folder, ignore_errors=True)

@@ -25,40 +25,40 @@ class NoTrainedFieldError(NerfnavError):
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The ground truth of a place, which is read when it is first needed: people see the place before."""
+    """Ground truth of a place, read when it is first needed: the user sees the place before."""
 
     tasks: tuple[Task, ...]
-    """What is asked of robots there."""
+    """Tasks for robots there."""
     load: Callable[[], "Scene"]
-    """What reads it; gives the same scene each time."""
+    """Function that reads it; returns the same scene each time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where jobs happen. Two places are the same only if they are the same object."""
+    """A field with its robot and its ground truth. Two places are equal only if they are the same object."""
 
     name: str
     """Name of the scene, or of the field's file."""
     field: StoredField
-    """What is planned in."""
+    """Field of the place."""
     truth: Truth | None
-    """What the field was trained from; None where that is unknown."""
+    """Ground truth of the field; None where that is unknown."""
     robot: Robot
-    """What moves."""
+    """Robot that moves in it."""
     splats: Splats | None = None
     """The splats that the field was made of; None where it was made of something else."""
     file: Path | None = None
-    """Where the field was read; None where it was made in memory."""
+    """File of the field; None where it was made in memory."""
 
     @property
     def source(self) -> str | None:
-        """What opens it again, wherever that is done: a bundled scene's name, else its file; None where it has none."""
+        """Source that opens it again from anywhere: a bundled scene's name, else its file; None where it has none."""
         bundled = self.name in scenes.names() and self.file == scenes.trained_path(self.name)
         return self.name if bundled else str(self.file.resolve()) if self.file is not None else None
 
     @property
     def tasks(self) -> tuple[Task, ...]:
-        """What is asked of this robot here; none without a ground truth."""
+        """Tasks of the place; none without a ground truth."""
         return self.truth.tasks if self.truth is not None else ()
 
     def with_robot(self, name: str) -> "Place":
@@ -92,7 +92,7 @@ def open_place(what: str, robot: str = "quadrotor") -> Place:
 
 
 def ground_truth(field: StoredField, path: Path) -> Truth | None:
-    """What the field in the file `path` was trained from; None where that is unknown, or no longer beside the file.
+    """Ground truth of the field in the file `path`; None where that is unknown, or no longer beside the file.
 
     Raises FieldFileError where what lies there is something else.
     """
@@ -136,5 +136,5 @@ def field_file(what: str) -> Path:
 
 
 def _is_path(what: str) -> bool:
-    """Whether the user means a file: it exists, or is written like one."""
+    """Check for a file: it exists, or is written like one."""
     return Path(what).exists() or os.sep in what or bool(Path(what).suffix)

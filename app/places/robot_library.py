@@ -54,12 +54,12 @@ class RobotLibrary:
         finally:
             brought.unlink(missing_ok=True)
 
-    def keep(self, told: RobotFile, meshes: Path) -> Path:
+    def keep(self, robot: RobotFile, meshes: Path) -> Path:
         """Write a robot's file, with its mesh out of the folder `meshes`. Raises InvalidInputError if it cannot be."""
-        name = re.sub(r"[^A-Za-z0-9_-]", "_", told.name).strip("_")[:40] or "robot"
-        content = to_yaml(told)
-        beside = [Path(part) for part in (told.body.mesh, told.body.urdf) if part is not None]
-        beside += [Path(told.camera.file)] if told.camera is not None and told.camera.file is not None else []
+        name = re.sub(r"[^A-Za-z0-9_-]", "_", robot.name).strip("_")[:40] or "robot"
+        content = to_yaml(robot)
+        beside = [Path(part) for part in (robot.body.mesh, robot.body.urdf) if part is not None]
+        beside += [Path(robot.camera.file)] if robot.camera is not None and robot.camera.file is not None else []
         parts = [_read(meshes, part) for part in beside]
         folder = self._folder / folder_of(content, *parts)
         fresh = not folder.exists()

@@ -2,7 +2,6 @@
 time budget of making it.
 """
 
-
 import os
 import re
 from pathlib import Path
@@ -25,7 +24,7 @@ _FOLDERS = re.compile(r"(?<![\w.:/~<])(?:~|\.{0,2})/(?:[^\s/:'\"<>]+/)+")
 
 
 def title_of(what: str) -> str:
-    """What visitors read: the name of a scene or file, never where it lies."""
+    """Title for visitors: the name of a scene or file, without its folder."""
     return Path(what).name
 
 

@@ -3,6 +3,7 @@
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +30,16 @@ of marching cubes, half of them within a fifth of one."""
 
 Corner = list[float]
 Box = tuple[Corner, Corner] | None
+
+
+@dataclass(frozen=True)
+class _Attribute:
+    """Attribute of the corners of a mesh."""
+
+    name: str
+    """Name in glTF."""
+    values: np.ndarray
+    """Shares of 65535, a row for each corner."""
 
 
 def remove_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":
@@ -72,18 +83,19 @@ def encode_textured_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:
         "images": [{"bufferView": 3, "mimeType": "image/jpeg"}],
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}],
     }
-    return _glb(mesh.vertices, mesh.faces, ("TEXCOORD_0", uv), painted, box, encode_image(picture, _JPEG_QUALITY))
+    attribute, jpeg = _Attribute("TEXCOORD_0", uv), encode_image(picture, _JPEG_QUALITY)
+    return _glb(mesh.vertices, mesh.faces, attribute, painted, box, jpeg)
 
 
 def encode_colored_glb(mesh: "trimesh.Trimesh", box: Box = None) -> bytes:
     """The same of a mesh with the colours of its vertices: not as sharp, but made in a moment."""
     colors = np.full((len(mesh.vertices), 4), 65535, "<u2")  # 16 bits, or dark ones show bands
     colors[:, :3] = np.round(65535 * _light(_vertex_colors(mesh)))
-    return _glb(mesh.vertices, mesh.faces, ("COLOR_0", colors), {"materials": [_material()]}, box)
+    return _glb(mesh.vertices, mesh.faces, _Attribute("COLOR_0", colors), {"materials": [_material()]}, box)
 
 
 def _light(colors: np.ndarray) -> np.ndarray:
-    """What viser shows as sRGB bytes (..., 3), linear, in units of `BRIGHTEST`."""
+    """Linear colours that viser shows as these sRGB bytes (..., 3), in units of `BRIGHTEST`."""
     return (invert_tone_map(to_linear(colors / 255.0)) / BRIGHTEST).clip(0, 1)
 
 
@@ -93,11 +105,11 @@ def _material(**more: Any) -> dict[str, Any]:
 
 
 def _glb(
-    corners: np.ndarray, triangles: np.ndarray, dress: tuple[str, np.ndarray], painted: dict[str, Any], box: Box,
+    corners: np.ndarray, triangles: np.ndarray, attribute: _Attribute, painted: dict[str, Any], box: Box,
     picture: bytes = b"",
 ) -> bytes:  # fmt: skip
-    """Binary glTF; `dress` is what each corner has, its name in glTF and shares of 65535; `painted` goes along."""
-    name, values = dress
+    """Binary glTF of a mesh whose corners have an attribute; `painted` goes along."""
+    name, values = attribute.name, attribute.values
     vertices = np.ascontiguousarray(corners, dtype="<f4")
     faces, below = _by_height(vertices, np.asarray(triangles))
     parts = [vertices.tobytes(), values.tobytes(), faces.tobytes(), *([picture] if picture else [])]
@@ -134,7 +146,7 @@ def _glb(
 
 
 def read_box(glb: bytes) -> Box:
-    """Lower and upper corner [m] of the place whose surface this is, where it was told."""
+    """Read the lower and upper corner [m] of the place from its surface; None where it has none."""
     box = parts(glb)[0]["scenes"][0]["extras"]["box"]
     return None if box is None else (box[0], box[1])
 

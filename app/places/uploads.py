@@ -3,7 +3,6 @@
 Videos and zips of pictures, to have their camera tracked, are kept until the app ends.
 """
 
-
 import hashlib
 import re
 import tempfile
@@ -78,7 +77,7 @@ class TrackSources:
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     def keep(self, name: str, content: bytes) -> Path:
-        """Where the pictures are that were brought in a file called `name`; what was brought before is kept, too.
+        """Keep the pictures of an upload called `name`, and return their path; earlier uploads are kept, too.
 
         Raises UploadError for files of other kinds, empty or too large ones, and zips that are broken or no harmless
         ones.

@@ -55,7 +55,7 @@ def view_of_ends(
 
 
 def is_visible(view: View, lower: Sequence[float], upper: Sequence[float]) -> bool:
-    """Whether anything of the box between two corners [m] is seen from there, as more than a speck."""
+    """Check whether a view shows the box between two corners [m] as more than a speck."""
     eye, target = (np.array(point, np.float64) for point in view)
     corners = np.array([lower, upper], np.float64)
     axes = np.linspace(corners[0], corners[1], _SAMPLES_OF_A_SIDE).T

@@ -45,24 +45,24 @@ _KINDS: list[type[Query[Any]]] = [
 
 
 _WHILE_HELD = (following_plan.FollowingPlanQuery, end_fit.EndFitQuery)
-"""What is asked while a hand moves an end: the rest waits until it rests, for nothing must come in between."""
+"""Queries while the user drags an end; all others wait, so that these come first."""
 
 
 def register(kind: type[Query[Any]]) -> None:
-    """Let the worker answer one more kind of query, after the others."""
+    """Register one more kind of query, after the others."""
     if kind not in _KINDS:
         _KINDS.append(kind)
 
 
 def unregister(kind: type[Query[Any]]) -> None:
-    """Ask queries of this kind no longer. Raises UnknownNameError where none are asked."""
+    """Unregister a kind of query. Raises UnknownNameError for a kind that is not registered."""
     if kind not in _KINDS:
         raise UnknownNameError("query", kind.__name__, (known.__name__ for known in _KINDS))
     _KINDS.remove(kind)
 
 
 def pending_queries(session: Session) -> tuple[Query[Any], ...]:
-    """What is not known yet, the most urgent first."""
+    """List the queries without an answer, the most urgent first."""
     if session.place is None:
         return ()
     kinds = _WHILE_HELD if session.held and session.plan is not None else _KINDS

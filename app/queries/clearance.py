@@ -1,4 +1,4 @@
-"""Query: how near does a plan come to what is dense, step by step?"""
+"""Query for the clearance of a plan, step by step."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,21 +11,21 @@ from nerfnav.planner import PlanStep, SafetyConfig, collision_per_step, measure_
 from nerfnav.robots import Motion
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)
 class ClearanceQuery(Query[np.ndarray]):
-    """How near does a plan come? Rows of (3, n): time [s], clearance [cm], collision bound [%]."""
+    """Query for the clearance of a plan. Rows of (3, n): time [s], clearance [cm], collision bound [%]."""
 
     step: PlanStep = field(compare=False)
     """The last iteration of the plan."""
     unknown: UnknownSpace = field(default=UnknownSpace.OCCUPIED, compare=False)
-    """What the plan took space for that no camera ever saw into."""
+    """Treatment of unseen space in the plan."""
 
     def __eq__(self, other: object) -> bool:
-        """Plans are told apart as objects: `step` is kept, so that no other one can take its address."""
+        """Compare plans as objects: `step` is kept, so that no other one can take its address."""
         return isinstance(other, ClearanceQuery) and self.step is other.step
 
     def __hash__(self) -> int:
@@ -33,7 +33,7 @@ class ClearanceQuery(Query[np.ndarray]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["ClearanceQuery"]:
-        """Of a plan that is finished, while nothing else is computed."""
+        """Ask for a finished plan, while no job runs."""
         plan = session.plan
         if plan is not None and plan.latest is not None and plan.outcome is not None and session.job is None:
             query = cls(plan.latest, plan.settings.unknown)
@@ -42,14 +42,14 @@ class ClearanceQuery(Query[np.ndarray]):
 
     @classmethod
     def rows_of(cls, plan: PlanRecord | None, session: Session) -> np.ndarray | None:
-        """The result, if it is that of this plan."""
+        """Return the result, if it is that of this plan."""
         asked = cls.asked_in(session)
         known = plan is not None and asked is not None and asked.step is plan.latest
         return cls.result_in(session) if known else None
 
     @torch.no_grad()
     def answer(self, resources: Resources) -> np.ndarray:
-        """Take the densities around the body at each step, as plans do."""
+        """Measure the densities around the body at each step, as plans do."""
         place = prepare_place(resources.place, self.unknown)
         motion, body, config = self.step.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
@@ -58,7 +58,7 @@ class ClearanceQuery(Query[np.ndarray]):
             Motion(motion.states[k : k + 2], motion.actions[k : k + 1], motion.dt) for k in range(len(motion.actions))
         ]
         room = [measure_clearance(place.field, step, body, config) for step in steps]
-        # where nothing is within reach, that is how much room there is at least
+        # where nothing is within reach, the clearance is at least the reach
         clearance = np.array([reach if free is None else free for free in room])
         times = motion.dt * (1 + np.arange(len(room)))
         return np.stack([times, 100 * clearance, 100 * bound.numpy()])

@@ -1,4 +1,4 @@
-"""Query: where does a click into the scene land?"""
+"""Query for the position to which a click into the scene moves an end."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,18 +12,19 @@ from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.reducers.common import moved, noticed
-from nerfnav_app.state.session import Click, Session
+from nerfnav_app.reducers.common import add_notice, move_end
+from nerfnav_app.state.place import Click
+from nerfnav_app.state.session import Session
 
 LEAST_OPACITY = 0.5
-"""Of a ray that has met something."""
+"""Opacity of a ray that meets a surface."""
 _ROOM_M = 0.05  # kept below the body
 
 Vector = tuple[float, float, float]
 
 
 def intersect_ray(field: Field, origin: Vector, direction: Vector) -> Vector | None:
-    """The point [m] where a ray, its direction of any length, meets something; None where it meets nothing."""
+    """Find the point [m] at which a ray meets a surface; None without one. Its direction has any length."""
     start, along = torch.tensor(origin), torch.nn.functional.normalize(torch.tensor(direction), dim=0)
     rendering = render_rays(field, start[None], along[None])
     if rendering.opacity.item() < LEAST_OPACITY:
@@ -34,20 +35,20 @@ def intersect_ray(field: Field, origin: Vector, direction: Vector) -> Vector | N
 
 @dataclass(frozen=True)
 class ClickLandingQuery(Query[Vector | None]):
-    """Where does the end go that is put where a click points? The result is a position [m], None where nothing is."""
+    """Query for the position [m] of an end that is put where a click points; None without a surface there."""
 
     click: Click
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
-    """What space is taken for that no camera ever saw into."""
+    """Treatment of unseen space."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["ClickLandingQuery"]:
-        """While an end waits for its click to land."""
+        """Ask while an end waits for its click."""
         if session.clicked is not None:
             yield cls(session.clicked, session.plan_settings.unknown)
 
     def answer(self, resources: Resources) -> Vector | None:
-        """Where the robot would stand or hover if it were put on what the ray of the click meets."""
+        """Find the position above the surface that the ray of the click meets, or beside it."""
         place = resources.place
         met = intersect_ray(place.field, self.click.origin, self.click.direction)
         if met is None:
@@ -57,7 +58,7 @@ class ClickLandingQuery(Query[Vector | None]):
         return above if self._fits(resources, above) else self._before(resources, met) or above
 
     def _before(self, resources: Resources, met: Vector) -> Vector | None:
-        """Beside the side of something: the nearest free point before it, as the click came; None without one."""
+        """Find the nearest free point in front of a side, toward the eye of the click; None without one."""
         place = prepare_place(resources.place, self.unknown)
         towards = np.array(self.click.direction) / np.linalg.norm(self.click.direction)
         x, y, z = (np.array(met) - (place.robot.body.radius + _ROOM_M) * towards).tolist()
@@ -73,10 +74,10 @@ class ClickLandingQuery(Query[Vector | None]):
         return build_occupancy(place, OccupancyConfig(), height)
 
     def apply(self, session: Session, result: Vector | None) -> Session:
-        """The session with the end there, unless another click came."""
+        """Move the end there, unless another click came."""
         if session.place is None or session.clicked != self.click:
             return session
-        told, which = replace(session, clicked=None), self.click.which
+        done, which = replace(session, clicked=None), self.click.which
         if result is None:
-            return noticed(told, "Nothing there", f"The click met nothing to put the {which.value} on.", bad=True)
-        return moved(told, session.place, which, End(result, session.ends.of(which).yaw))
+            return add_notice(done, "Nothing there", f"The click met nothing to put the {which.value} on.", bad=True)
+        return move_end(done, session.place, which, End(result, session.ends.of(which).yaw))

@@ -1,4 +1,4 @@
-"""Query: how dense is the field at one height?"""
+"""Query for the density of the field at one height."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ _DENSITY = 20.0  # [1/m] at which a slice is at its strongest
 
 @dataclass(frozen=True)
 class DensitySliceQuery(Query[np.ndarray]):
-    """A level slice through the density, seen from above: (along x, along y, 4), sRGB bytes and opacity."""
+    """Query for a level slice of the density, from above: (along x, along y, 4), sRGB bytes and opacity."""
 
     share: float
-    """Of the height of the box, 0 to 1."""
+    """Height as a share of the box, 0 to 1."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["DensitySliceQuery"]:
-        """At the height that the view settings ask for."""
+        """Ask at the height of the view settings."""
         share = session.view_settings.slice
         if share is not None and not (query := cls(share)).is_answered(session):
             yield query
 
     def answer(self, resources: Resources) -> np.ndarray:
-        """The density at one height, the denser the brighter and the less transparent."""
+        """Compute the density at one height; denser is brighter and less transparent."""
         field = resources.place.field
         box, size = field.box, field.box.size
         cells = [max(2, round(_CELLS * float(size[axis] / size[:2].max()))) for axis in (0, 1)]

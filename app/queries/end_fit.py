@@ -1,4 +1,4 @@
-"""Query: does the robot fit at an end?"""
+"""Query for the fit of the robot at an end."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -14,26 +14,26 @@ from nerfnav_app.state.session import Session
 
 @dataclass(frozen=True)
 class EndFit:
-    """Whether the robot fits at an end."""
+    """Fit of the robot at an end."""
 
     problem: str | None
-    """One sentence, or None where all is well."""
+    """One sentence; None where the robot fits."""
     offer: End | None = None
     """The nearest end at which the robot fits, where it does not fit here."""
 
 
 @dataclass(frozen=True)
 class EndFitQuery(Query[EndFit]):
-    """Does the robot fit here?"""
+    """Query for the fit of the robot at this end."""
 
     which: EndRole
     end: End
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
-    """What space is taken for that no camera ever saw into."""
+    """Treatment of unseen space."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["EndFitQuery"]:
-        """Of each end that was not looked at where it is now, once they are where they shall be at first."""
+        """Ask for each end that was not checked at its present pose, once first ends are found."""
         if session.seeking:
             return
         for which in EndRole:
@@ -41,7 +41,7 @@ class EndFitQuery(Query[EndFit]):
                 yield cls(which, session.ends.of(which), session.plan_settings.unknown)
 
     def answer(self, resources: Resources) -> EndFit:
-        """Ask the density at all body points, as plans do."""
+        """Check the density at all body points, as plans do."""
         place = prepare_place(resources.place, self.unknown)
         body, state, name = place.robot.body, self.end.state(), self.which.value
         occupancy = build_occupancy(place, OccupancyConfig(), self.end.position[2])
@@ -55,7 +55,7 @@ class EndFitQuery(Query[EndFit]):
         return EndFit(problem, End((x, y, z), so3.yaw_of(nearest.rotation).item()))
 
     def apply(self, session: Session, result: EndFit) -> Session:
-        """The session with what is wrong with the end, unless it was moved meanwhile."""
+        """Keep the problem of the end, unless the end was moved meanwhile."""
         if (session.ends.of(self.which), session.plan_settings.unknown) != (self.end, self.unknown):
             return session
         known = replace(session, problems={**session.problems, self.which: result.problem})

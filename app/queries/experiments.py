@@ -1,4 +1,4 @@
-"""Query: which experiments and results are there, and what is in one of the results?"""
+"""Query for the experiments, their results, and the content of one result."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,33 +11,33 @@ from nerfnav_app.storage.run_store import RunStore
 
 @dataclass(frozen=True)
 class Experiments:
-    """What there is."""
+    """Experiments and results on this machine."""
 
     known: tuple[tuple[str, str], ...] = field(default=(), compare=False)
     """Name and purpose of each experiment."""
     earlier: tuple[str, ...] = field(default=(), compare=False)
     """Folders of results, the newest first."""
     result: ExperimentResult | None = field(default=None, compare=False)
-    """What was asked for."""
+    """The result that was asked for."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The experiments that there are."""
+        """Names of the experiments."""
         return tuple(name for name, _ in self.known)
 
 
 @dataclass(frozen=True)
 class ExperimentsQuery(Query[Experiments]):
-    """Which experiments and results are there?"""
+    """Query for the experiments and results."""
 
     stamp: int
     """Rises when there may be new results."""
     show: str | None
-    """Name of a folder of results that is looked at."""
+    """Name of the folder of results to show."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["ExperimentsQuery"]:
-        """Once the list is asked for, while nothing else is computed: it takes a second the first time."""
+        """Ask once the list is wanted, while no job runs: it takes a second the first time."""
         asked = session.experiments
         query = cls(asked.stamp, asked.show)
         if asked.stamp and session.job is None and not query.is_answered(session):
@@ -45,7 +45,7 @@ class ExperimentsQuery(Query[Experiments]):
 
     def answer(self, resources: Resources) -> Experiments:
         """List the experiments and the folder of results."""
-        # imported when it is asked for: with their figures, experiments take long to import
+        # slow to import, with its figures
         from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
 
         store = ExperimentStore((resources.runs or RunStore()).folder)

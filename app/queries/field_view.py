@@ -1,4 +1,4 @@
-"""Query: what does the field look like from a tab's own camera?"""
+"""Query for a rendering of the field from a tab's own camera."""
 
 import math
 from collections.abc import Hashable, Iterator
@@ -16,14 +16,14 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop, Eye
 
 WIDTHS = (240, 720)
-"""Of the renderings for a tab [pixels]: one at once, one for who looks longer."""
+"""Widths of the renderings for a tab [pixels]: one at once, a finer one if its camera rests."""
 _FAR = 150.0  # [m] where there is nothing: as far as the page can tell
 _FROM_CV = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # the page's cameras look along +z, ours along -z
 
 
 @dataclass(frozen=True)
 class FieldView:
-    """The field from a tab's own camera."""
+    """Rendering of the field from a tab's own camera."""
 
     image: np.ndarray = field(compare=False)
     """(height, width, 3), sRGB bytes."""
@@ -33,22 +33,22 @@ class FieldView:
 
 @dataclass(frozen=True)
 class FieldViewQuery(Query[FieldView]):
-    """What does the field look like from there?"""
+    """Query for a rendering of the field from there."""
 
     client: int
-    """Which tab."""
+    """Number of the tab."""
     eye: Eye
     width: int
-    """Of the picture [pixels]."""
+    """Width of the picture [pixels]."""
 
     @property
     def slot(self) -> Hashable:
-        """One for each tab."""
+        """Slot of the tab."""
         return FieldViewQuery, self.client
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["FieldViewQuery"]:
-        """For each tab, while the field itself is the backdrop: coarse at first, then finer."""
+        """Ask for each tab, while the field itself is the backdrop: coarse at first, then finer."""
         if session.view_settings.backdrop is not Backdrop.RENDER:
             return
         for client, eye in session.eyes.items():
@@ -71,5 +71,5 @@ class FieldViewQuery(Query[FieldView]):
         return FieldView(rendering.image.numpy(), depth.numpy())
 
     def apply(self, session: Session, result: FieldView) -> Session:
-        """The session with the rendering, unless its tab is gone."""
+        """Keep the rendering, unless its tab is closed."""
         return super().apply(session, result) if self.client in session.eyes else session

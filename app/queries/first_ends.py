@@ -1,4 +1,4 @@
-"""Query: where do start and goal go that nobody has put anywhere?"""
+"""Query for a first start and goal in a place without a task for the robot."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.vantage import View, view_of_ends
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state.session import Session
 
 
@@ -24,27 +24,27 @@ class FirstEnds:
     """Start and goal between which the robot can plan."""
 
     ends: Ends | None
-    """None where it has no room."""
+    """Start and goal; None without room."""
     problem: str | None = None
-    """Why it has none, in one sentence."""
+    """Reason for which there are none, in one sentence."""
     view: View | None = None
-    """From where both are seen."""
+    """View in which both are visible."""
 
 
 @dataclass(frozen=True)
 class FirstEndsQuery(Query[FirstEnds]):
-    """Where can this robot start, and where can it go?"""
+    """Query for a start and a goal of this robot."""
 
     robot: str
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["FirstEndsQuery"]:
-        """While ends are sought for the robot: the place has no task for it, and nobody has moved them."""
+        """Ask while ends are searched: the place has no task for the robot, and the user has not moved them."""
         if session.seeking:
             yield cls(session.choice.robot)
 
     def answer(self, resources: Resources) -> FirstEnds:
-        """Look in the free space that planners see."""
+        """Search the free space that planners see."""
         from nerfnav.planner.objective.default_ends import propose_ends  # slow to import, and bundled places have tasks
 
         place = resources.place
@@ -61,18 +61,18 @@ class FirstEndsQuery(Query[FirstEnds]):
         return FirstEnds(ends, view=_view(place, ends))
 
     def apply(self, session: Session, result: FirstEnds) -> Session:
-        """The session with these ends, and with durations that are found, unless somebody has put them meanwhile."""
+        """Take these ends, and find durations from now on, unless the user has moved an end meanwhile."""
         if not session.seeking or session.choice.robot != self.robot:
             return session
         session = replace(session, seeking=False, plan_settings=replace(session.plan_settings, shortest=True))
         if result.ends is None:
-            return noticed(session, "Nowhere to go", result.problem or "", bad=True)
+            return add_notice(session, "Nowhere to go", result.problem or "", bad=True)
         view = result.view or session.view
         return replace(session, ends=result.ends, home_ends=result.ends, view=view, problems={}, offers={}, outside={})
 
 
 def _view(place: Place, ends: Ends) -> View:
-    """From where start and goal are seen."""
+    """Find a view in which start and goal are visible."""
     box, threshold = place.field.box, threshold_of(place.field)
     lower, upper = box.lower.tolist(), box.upper.tolist()
 
@@ -85,7 +85,7 @@ def _view(place: Place, ends: Ends) -> View:
 
 
 def _no_room(place: Place) -> str:
-    """Why a robot can go nowhere."""
+    """Explain that there is no room for a robot."""
     size = " x ".join(f"{edge:.2g}" for edge in place.field.box.size.tolist())
     length = max(place.robot.body.extents)
     lacks = "no level ground that is known to be free" if place.robot.planar else "no free space to go anywhere"

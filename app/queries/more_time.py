@@ -1,29 +1,27 @@
-"""Query: how much time must a plan have that asks too much of the robot?"""
+"""Query for the duration with which a plan keeps the robot's limits."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from nerfnav.planner import FLYABLE, PlanOutcome
-from nerfnav_app.queries.following_plan import drafted, plan_request
+from nerfnav_app.queries.following_plan import make_plan, plan_request
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.plan import LONGEST_S, PlanRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import LONGEST_S
 
 _GROWTH, _TRIALS = 1.3, 7
-"""By how much longer each plan is than the one before, and how many are tried: up to six times as long."""
+"""Factor on the duration from one trial to the next, and the number of trials: up to six times as long."""
 
 
 @dataclass(frozen=True)
 class MoreTimeQuery(Query[float | None]):
-    """How long may a plan take so that the robot keeps its limits? The result is in seconds, None where more time
-    does not help."""
+    """Query for the duration with which a plan keeps the robot's limits [s]; None where more time does not help."""
 
     plan: PlanRecord = field(compare=False)
-    """What asks too much."""
+    """Plan that exceeds the limits."""
 
     def __eq__(self, other: object) -> bool:
-        """Plans are told apart as objects: `plan` is kept, so that no other one can take its address."""
+        """Compare plans as objects: `plan` is kept, so that no other one can take its address."""
         return isinstance(other, MoreTimeQuery) and self.plan.latest is other.plan.latest
 
     def __hash__(self) -> int:
@@ -31,7 +29,7 @@ class MoreTimeQuery(Query[float | None]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["MoreTimeQuery"]:
-        """Of a plan that is too fast, while nothing else is computed."""
+        """Ask for a plan that is too fast, while no job runs."""
         plan = session.unsafe_plan
         if plan is None or session.job is not None or plan.draft or plan.settings.shortest:
             return
@@ -40,20 +38,20 @@ class MoreTimeQuery(Query[float | None]):
 
     @classmethod
     def seconds_for(cls, plan: PlanRecord, session: Session) -> float | None:
-        """The result, if it is that of this plan."""
+        """Return the result, if it is that of this plan."""
         asked = cls.asked_in(session)
         return cls.result_in(session) if asked is not None and asked.plan.latest is plan.latest else None
 
     def answer(self, resources: Resources) -> float | None:
-        """Plan with more and more time, as a person would."""
+        """Plan with more and more time."""
         plan = self.plan
         own, seconds = resources.plan_configs.get(plan.planner), plan.settings.duration_s
         for _ in range(_TRIALS):
             seconds = round(_GROWTH * seconds + 0.05, 1)
             if seconds > LONGEST_S:
                 return None
-            request = plan_request(plan.settings.lasting(seconds), plan.ends, plan.planner, own)
-            steps = drafted(request, resources.place).steps
-            if not steps or steps[-1].outcome is not PlanOutcome.OVER_LIMITS:
-                return seconds if steps and steps[-1].outcome in FLYABLE else None
+            request = plan_request(plan.settings.with_duration(seconds), plan.ends, plan.planner, own)
+            outcome = make_plan(replace(request, draft=True), resources.place).outcome
+            if outcome is not PlanOutcome.OVER_LIMITS:
+                return seconds if outcome in FLYABLE else None
         return None

@@ -1,4 +1,4 @@
-"""Query: which places are in the library?"""
+"""Query for the places in the library."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from nerfnav_app.state.session import Session
 
 @dataclass(frozen=True)
 class PlaceListQuery(Query[tuple[KeptPlace, ...]]):
-    """Which places are kept, as of now? By name."""
+    """Query for the places in the library, by name."""
 
     stamp: tuple[int, ...]
     """Changes whenever the list may have changed."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["PlaceListQuery"]:
-        """Again whenever a place was opened, renamed or deleted."""
+        """Ask again whenever a place was opened, renamed or deleted."""
         query = cls((session.places_asked, int(session.job is None)))
         if not query.is_answered(session):
             yield query

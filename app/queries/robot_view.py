@@ -1,4 +1,4 @@
-"""Query: what does the field look like to the robot's camera?"""
+"""Query for renderings of the field from the robot's camera."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from nerfnav.robots import RigidState
 from nerfnav_app.jobs.fly.simulated_world import render_view
 from nerfnav_app.places.ends import End
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
 
 RobotView = tuple[np.ndarray, ...]
@@ -20,24 +20,24 @@ RobotView = tuple[np.ndarray, ...]
 
 @dataclass(frozen=True)
 class RobotViewQuery(Query[RobotView]):
-    """What does the field look like from where the robot believes to be, or from the ends?"""
+    """Query for renderings of the field from the believed state, or from the ends."""
 
     key: tuple[Any, ...]
-    """What the view is of; two queries of one key have the same answer."""
+    """Key of the view; two queries of one key have the same answer."""
     states: tuple[RigidState | End, ...] = field(compare=False)
-    """From where it looks; ends as they are, for states take long to make, and the session is often asked."""
+    """States of the camera; ends are not converted yet, for that takes long, and sessions are asked often."""
     rough: bool = False
-    """Whether a ninth of the pixels will do: in flight each step would wait for the others."""
+    """Whether to render a ninth of the pixels: in flight the next step waits for it."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["RobotViewQuery"]:
-        """From the belief of the time step that is shown; without a flight, from start and goal."""
+        """Ask from the belief of the time step that is shown; without a flight, from start and goal."""
         if session.track is not None:
             return  # which brings its own pictures
         flight, ends = session.shown_flight, session.ends
         if flight is not None and flight.steps:
             key = ("flight", session.jobs_begun, session.runs.asked, len(flight.steps))
-            query = cls(key, (flight.steps[-1].belief.mean,), _goes_on(session))
+            query = cls(key, (flight.steps[-1].belief.mean,), _is_flying(session))
         else:
             query = cls(("ends", ends), (ends.start, ends.goal))
         if not query.is_answered(session):
@@ -45,7 +45,7 @@ class RobotViewQuery(Query[RobotView]):
 
     @property
     def pause(self) -> float:
-        """A twentieth of the time for pictures of a flight whose next step waits for them."""
+        """Pause so that pictures take a twentieth of the time of a flight."""
         return 19.0 if self.rough else 0.0
 
     def answer(self, resources: Resources) -> RobotView:
@@ -54,13 +54,13 @@ class RobotViewQuery(Query[RobotView]):
         return tuple(render_view(resources.place, state, self.rough) for state in states)
 
     def step_of(self, flight: FlightRecord | None) -> NavigationStep | None:
-        """The time step of the flight that the view is of."""
+        """Find the time step of the flight that the view belongs to."""
         kind, *key = self.key
         if kind != "flight" or flight is None or not 0 < key[-1] <= len(flight.steps):
             return None
         return flight.steps[key[-1] - 1]
 
 
-def _goes_on(session: Session) -> bool:
-    """Whether the next step of a flight waits for nobody."""
+def _is_flying(session: Session) -> bool:
+    """Check whether a flight is under way and not paused."""
     return session.in_flight and session.job is not None and not session.job.paused

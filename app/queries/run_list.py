@@ -1,4 +1,4 @@
-"""Query: which runs are stored?"""
+"""Query for the list of stored runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,14 +10,14 @@ from nerfnav_app.storage.run_metadata import StoredRun
 
 @dataclass(frozen=True)
 class RunListQuery(Query[tuple[StoredRun, ...]]):
-    """Which runs are stored, as of now? The newest first."""
+    """Query for the list of stored runs, the newest first."""
 
     stamp: tuple[int, ...]
     """Changes whenever the list may have changed."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["RunListQuery"]:
-        """Again whenever a job has begun or ended, a run was changed, or the list is asked for."""
+        """Ask again whenever a job has begun or ended, a run was changed, or the user asks for the list."""
         if session.runs.listed != session.run_list_stamp:
             yield cls(session.run_list_stamp)
 
@@ -26,5 +26,5 @@ class RunListQuery(Query[tuple[StoredRun, ...]]):
         return () if resources.runs is None else resources.runs.entries()
 
     def apply(self, session: Session, result: tuple[StoredRun, ...]) -> Session:
-        """The session with the list."""
+        """Keep the list in the session."""
         return replace(session, runs=replace(session.runs, entries=result, listed=self.stamp))

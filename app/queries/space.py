@@ -1,4 +1,4 @@
-"""Query: where is space that is occupied, or that no camera saw?"""
+"""Query for the voxels of occupied or unseen space."""
 
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class Space(Enum):
 
 @dataclass(frozen=True)
 class SpaceVoxels:
-    """The outermost voxels of a part of space."""
+    """Outermost voxels of a part of space."""
 
     centers: np.ndarray = field(compare=False)
     """Their centres (n, 3) [m]."""
@@ -34,20 +34,20 @@ class SpaceVoxels:
 
 @dataclass(frozen=True)
 class SpaceQuery(Query[SpaceVoxels]):
-    """Where is such space?"""
+    """Query for the voxels of a part of space."""
 
     space: Space
     height: float = 0.0
-    """At which a robot is that never leaves it [m]: of others all heights are shown, whatever this says."""
+    """Height of a robot on the ground [m]; of others all heights are shown."""
 
     @property
     def slot(self) -> Hashable:
-        """One for each part of space."""
+        """Slot of the part of space."""
         return SpaceQuery, self.space
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["SpaceQuery"]:
-        """Of what is to be drawn."""
+        """Ask for the parts that the view settings show."""
         wanted = {Space.OCCUPIED: session.view_settings.occupied, Space.UNKNOWN: session.view_settings.unknown}
         planar = session.place is not None and session.place.robot.planar
         height = session.ends.start.position[2] if planar else 0.0
@@ -55,7 +55,7 @@ class SpaceQuery(Query[SpaceVoxels]):
         yield from (query for query in queries if not query.is_answered(session))
 
     def answer(self, resources: Resources) -> SpaceVoxels:
-        """Find the voxels that have a neighbour which is not in there."""
+        """Find the voxels with a neighbour outside of the part."""
         return _unknown(resources.place) if self.space is Space.UNKNOWN else _occupied(resources.place, self.height)
 
 
@@ -66,7 +66,7 @@ def _occupied(place: Place, height: float) -> SpaceVoxels:
 
 
 def _unknown(place: Place) -> SpaceVoxels:
-    """What no camera saw, at every second node: that is as much as a page draws at once."""
+    """Find unseen space at every second node, which is as much as a page draws at once."""
     field = place.field
     if not isinstance(field, VoxelField) or field.unknown is None:
         return SpaceVoxels(np.zeros((0, 3), np.float32), 0.0)
@@ -76,7 +76,7 @@ def _unknown(place: Place) -> SpaceVoxels:
 
 
 def _shell(inside: np.ndarray) -> np.ndarray:
-    """Voxels (nx, ny, nz) that are inside and have a neighbour that is not."""
+    """Find voxels (nx, ny, nz) that are inside and have a neighbour that is not."""
     padded = np.pad(inside, 1, constant_values=True)  # the wall of the box is no surface
     core = np.ones_like(inside)
     for axis in range(3):

@@ -1,13 +1,13 @@
-"""Query: what was flown in a stored run?"""
+"""Query for the flight of a stored run."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.reducers.common import noticed
-from nerfnav_app.reducers.runs import compared, opened
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.reducers.common import add_notice
+from nerfnav_app.reducers.runs import compare_run, show_run
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.runs import RunRequest, StoredFlight
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.run_store import RunStore
@@ -16,7 +16,7 @@ from nerfnav_app.text import sentence
 
 @dataclass(frozen=True)
 class StoredRunResult:
-    """A stored run, or why it cannot be read."""
+    """A stored run, or the reason for which it cannot be read."""
 
     flight: StoredFlight | None = field(default=None, compare=False)
     problem: str | None = None
@@ -25,17 +25,17 @@ class StoredRunResult:
 
 @dataclass(frozen=True)
 class StoredRunQuery(Query[StoredRunResult]):
-    """What was flown?"""
+    """Query for the flight of a stored run."""
 
     request: RunRequest
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["StoredRunQuery"]:
-        """Of each run that a person has asked for."""
+        """Ask for each run that the user wants to open or compare."""
         yield from map(cls, session.runs.wanted)
 
     def answer(self, resources: Resources) -> StoredRunResult:
-        """Read the steps of the run from the disk."""
+        """Read the steps of the run from disk."""
         if resources.runs is None:
             return StoredRunResult(problem="No runs are kept here.")
         try:
@@ -44,19 +44,19 @@ class StoredRunQuery(Query[StoredRunResult]):
             return StoredRunResult(problem=sentence(resources.runs.without_folder(str(error))))
 
     def apply(self, session: Session, result: StoredRunResult) -> Session:
-        """The session with the flight shown, or beside the one that is; nothing, where nobody waits any more."""
+        """Show the flight, or compare it with the present one, unless the user no longer wants it."""
         if self.request not in session.runs.wanted:
             return session
         left = tuple(other for other in session.runs.wanted if other != self.request)
         session = replace(session, runs=replace(session.runs, wanted=left))
         if result.flight is None:
             verb = "compare" if self.request.compare else "open"
-            return noticed(session, f"Could not {verb}", result.problem or "", bad=True)
-        return (compared if self.request.compare else opened)(session, result.flight)
+            return add_notice(session, f"Could not {verb}", result.problem or "", bad=True)
+        return (compare_run if self.request.compare else show_run)(session, result.flight)
 
 
 def load_flight(store: RunStore, name: str) -> StoredFlight:
-    """A run as the session has flights that were just flown. Raises NerfnavError where it cannot be read."""
+    """Load a run as the record of a flight. Raises NerfnavError where it cannot be read."""
     entry, steps = store.entry(name), store.steps(name)
     metadata = entry.metadata
     record = FlightRecord(metadata.ends, steps, plan=steps[-1].plan, summary=metadata.metrics)

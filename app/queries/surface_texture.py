@@ -1,6 +1,6 @@
-"""Query: what does the surface look like with a texture, where only its rough colours are shown yet?
+"""Query for the textured surface, where only its rough colours are shown yet.
 
-It takes seconds, and a hand that begins to drag meanwhile must not wait: each answer goes one step further.
+It takes seconds, and a user who drags an end meanwhile must not wait: each answer goes one step further.
 """
 
 from collections.abc import Generator, Iterator
@@ -13,30 +13,30 @@ from nerfnav_app.state.session import Session
 
 @dataclass(frozen=True)
 class Baking:
-    """A texture that is being made."""
+    """State of a texture in progress."""
 
     going: Generator[None, None, bytes]
-    """What makes it; the worker's thread alone goes on with it."""
+    """Its generator, for the worker's thread alone."""
     glb: bytes | None = None
     """The surface with it, as binary glTF, once it is done."""
 
 
 @dataclass(frozen=True)
 class SurfaceTextureQuery(Query[Baking]):
-    """What is the surface with its texture, one step after those that were made?"""
+    """Query for the textured surface, one step further."""
 
     what: str
     """The place that is open."""
     rough: bytes = field(repr=False, compare=False)
-    """What is shown of it until then."""
+    """The surface that is shown until then."""
     steps: int = 0
-    """How many were made."""
+    """Number of steps that were made."""
     baking: Baking | None = field(default=None, repr=False, compare=False)
-    """What they were made of; None where there are none."""
+    """Texture after these steps; None before the first."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["SurfaceTextureQuery"]:
-        """Once all is shown that is needed to begin; plans and flights do not wait for it."""
+        """Ask once the user can begin; plans and flights do not wait for it."""
         idle = session.job is None or session.job.kind is JobKind.OPEN
         if session.surface_is_rough and session.surface is not None and idle and not session.seeking:
             last = cls.asked_in(session)
@@ -46,7 +46,7 @@ class SurfaceTextureQuery(Query[Baking]):
                 yield replace(last, steps=last.steps + 1, baking=cls.result_in(session))
 
     def answer(self, resources: Resources) -> Baking:
-        """Go on with the texture, or take the one that was kept."""
+        """Advance the texture by a step, or take the stored one."""
         from nerfnav_app.jobs.export.surface import shape_surface  # slow to import
 
         going = shape_surface(resources.place) if self.baking is None else self.baking.going
@@ -57,7 +57,7 @@ class SurfaceTextureQuery(Query[Baking]):
         return Baking(going)
 
     def apply(self, session: Session, result: Baking) -> Session:
-        """The session that shows it once it is done, unless another surface was shaped since."""
+        """Show it once it is done, unless the surface has changed since."""
         if session.surface is not self.rough:
             return session
         if result.glb is None:

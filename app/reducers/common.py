@@ -1,4 +1,4 @@
-"""Shared reductions: changes of the session that several messages bring about."""
+"""Shared reductions: changes of the session by several messages."""
 
 import math
 from collections.abc import Mapping
@@ -9,16 +9,16 @@ from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_paths
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.plan import PlanSettings
 from nerfnav_app.state.session import Notice, Session
-from nerfnav_app.state.settings import PlanSettings
 
 Value = TypeVar("Value")
 _NOTICES_KEPT = 5
 
 
-def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
-    """The session with one more notice; what went wrong is said once, as long as it has the same cause."""
+def add_notice(session: Session, title: str, body: str, bad: bool = False) -> Session:
+    """Add a notice; the same trouble is reported once, as long as it has the same cause."""
     number = session.notices[-1].id + 1 if session.notices else 0
     notice = Notice(number, title, without_paths(body), bad, session.asked)
     if bad and session.trouble is not None and replace(session.trouble, id=number) == notice:
@@ -26,8 +26,8 @@ def noticed(session: Session, title: str, body: str, bad: bool = False) -> Sessi
     return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
 
 
-def moved(session: Session, place: Place, which: EndRole, end: End, held: bool = False) -> Session:
-    """The session with one end somewhere else, kept inside the box; `held` while a hand still moves it."""
+def move_end(session: Session, place: Place, which: EndRole, end: End, held: bool = False) -> Session:
+    """Move an end, which stays inside the box; `held` while the user still drags it."""
     end = end.clamp_inside(place.field.box, margin=place.robot.body.radius)
     if session.held != held or which in session.outside:
         session = replace(session, held=held, outside=_without(session.outside, which))
@@ -36,43 +36,40 @@ def moved(session: Session, place: Place, which: EndRole, end: End, held: bool =
     ends = session.ends.moved(which, end)
     return replace(
         session, ends=ends, seeking=False, task=None, problems=_without(session.problems, which),
-        offers=_without(session.offers, which), flight=_followed(session, ends),
+        offers=_without(session.offers, which), flight=_redirect_flight(session, ends),
     )  # fmt: skip
 
 
-def typed(session: Session, place: Place, which: EndRole, end: End) -> Session:
-    """The session with one end where it was typed, or with what was typed, where that is no place for it."""
+def type_end(session: Session, place: Place, which: EndRole, end: End) -> Session:
+    """Move an end to a typed pose, or keep the typed pose aside where it lies outside."""
     if not end.misfits(place.field.box, place.robot.body.radius):
-        return moved(session, place, which, end)
+        return move_end(session, place, which, end)
     return replace(session, outside={**session.outside, which: end})
 
 
-def settled(session: Session, place: Place) -> Session:
-    """The session in a place, with the robot that was chosen, at the ends of its first task there.
-
-    Where there is none, ends are sought that suit it.
-    """
+def enter_place(session: Session, place: Place) -> Session:
+    """Enter a place with the chosen robot, at the ends of its first task there; without one, ends are searched."""
     if place.robot.source != session.choice.robot:
         place = place.with_robot(session.choice.robot)
     name = next((task.name for task in place.tasks if task.robot == place.robot.name), None)
     ends = default_ends(place, name) or default_ends(place, None) or Ends()
-    settings = first_settings(session.plan_settings, place, ends, name)
+    settings = choose_settings(session.plan_settings, place, ends, name)
     return replace(
         session, place=place, plan_settings=settings, task=name, home=name, home_ends=None, ends=ends,
         robot_draft=None, seeking=name is None, problems={}, offers={}, outside={}, aiming=None, clicked=None,
-        results={}, view_settings=session.view_settings.where(splats=place.splats is not None),
+        results={}, view_settings=session.view_settings.for_place(splats=place.splats is not None),
     )  # fmt: skip
 
 
-def first_settings(settings: PlanSettings, place: Place, ends: Ends, task: str | None) -> PlanSettings:
-    """The settings with a duration to be found where that of now is surely too short, or nobody knows one."""
+def choose_settings(settings: PlanSettings, place: Place, ends: Ends, task: str | None) -> PlanSettings:
+    """Choose to find the duration where the present one is surely too short, or there is no task to give one."""
     distance = math.dist(ends.start.position, ends.goal.position)
     hurried = task is None or is_hurried(place.robot, distance, settings.duration_s)
     return replace(settings, shortest=settings.shortest or hurried)
 
 
-def _followed(session: Session, ends: Ends) -> FlightRecord | None:
-    """The flight after an end was moved: while it is under way, it goes where the goal is now."""
+def _redirect_flight(session: Session, ends: Ends) -> FlightRecord | None:
+    """Redirect the flight under way to the goal after an end was moved."""
     flight = session.flight
     if flight is None or not session.in_flight:
         return flight

@@ -1,34 +1,33 @@
-"""Reducer of undo and redo: the session remembers what was asked for before each move and setting."""
+"""Reducer of undo and redo: the session keeps the state before each move and setting."""
 
 from collections.abc import Hashable
 from dataclasses import replace
 
 from nerfnav_app.places.ends import EndRole
-from nerfnav_app.reducers.common import moved
-from nerfnav_app.reducers.place import chosen
+from nerfnav_app.reducers.common import move_end
+from nerfnav_app.reducers.place import make_choice
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.history import History, Moment
-from nerfnav_app.state.records import AllowTime, RestoreWeights
-from nerfnav_app.state.session import Session
+from nerfnav_app.state.plan import AllowTime, RestoreWeights
+from nerfnav_app.state.session import History, Moment, Session
 
 _STEPS = m.MoveEnd | m.TypeEnd | m.ChooseTask | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
 
 
-def remembered(before: Session, after: Session, action: m.Action) -> Session:
-    """`after`, which can be undone where `action` has changed what is asked for."""
+def record_step(before: Session, after: Session, action: m.Action) -> Session:
+    """Record `before` as a step that can be undone, where `action` has changed the session's request."""
     landed = isinstance(action, m.QueryAnswered) and before.clicked is not None and after.clicked is None
     if after.place is None or before.place is None or not (landed or isinstance(action, _STEPS)):
         return after
     then, history = before.moment, after.history
     if after.moment != then:
-        history = history.stepped(then, _what(action, before.held))
+        history = history.stepped(then, _step_key(action, before.held))
     if isinstance(action, m.MoveEnd) and not action.held:
-        history = replace(history, last=None)  # a hand has let go: the next move is another step
+        history = replace(history, last=None)  # the user has let go: the next move is another step
     return after if history == after.history else replace(after, history=history)
 
 
-def travelled(session: Session, action: m.Undo | m.Redo) -> Session:
-    """The session as it was asked to be before the last step, or before the last undo; plans and flights stay."""
+def travel_history(session: Session, action: m.Undo | m.Redo) -> Session:
+    """Undo the last step, or redo the last undo; plans and flights stay."""
     past, future = session.history.past, session.history.future
     if not (past if isinstance(action, m.Undo) else future):
         return session
@@ -37,20 +36,21 @@ def travelled(session: Session, action: m.Undo | m.Redo) -> Session:
         aim, history = past[-1], History(past[:-1], (*future, now))
     else:
         aim, history = future[-1], History((*past, now), future[:-1])
-    return replace(restored(session, aim), history=history)
+    return replace(restore_moment(session, aim), history=history)
 
 
-def restored(session: Session, aim: Moment) -> Session:
-    """The session that asks for what it did at a moment; unchanged where its robot is not known any more."""
-    assert session.place is not None, "there is a history only in an open place"
-    if aim.choice.robot != session.choice.robot:
-        session = chosen(session, session.place, aim.choice)
+def restore_moment(session: Session, aim: Moment) -> Session:
+    """Restore the request of a moment; keep the session where its robot is not available any more."""
+    place = session.place
+    if place is not None and aim.choice.robot != session.choice.robot:
+        session = make_choice(session, place, aim.choice)
         if session.choice.robot != aim.choice.robot:
             return session  # its file is gone or broken, as a notice says
-    place = session.place
-    assert place is not None, "another robot is in the same place"
+        place = session.place
+    if place is None:
+        return session
     for which in EndRole:
-        session = moved(session, place, which, aim.ends.of(which))
+        session = move_end(session, place, which, aim.ends.of(which))
     if aim.plan_settings.unknown is not session.plan_settings.unknown:  # which decides where the robot fits
         session = replace(session, problems={}, offers={})
     return replace(
@@ -59,10 +59,10 @@ def restored(session: Session, aim: Moment) -> Session:
     )  # fmt: skip
 
 
-def _what(action: m.Action, held: bool) -> Hashable:
-    """What an action changes, where going on with it is the same step: a hand that drags, a slider that moves.
+def _step_key(action: m.Action, held: bool) -> Hashable:
+    """Key of actions that continue the same step: an end that is dragged, a slider that moves.
 
-    `held`: whether a hand had an end until now.
+    `held`: whether the user dragged an end until now.
     """
     match action:
         case m.MoveEnd(which) if action.held or held:

@@ -1,16 +1,16 @@
 """Reducer of jobs: begin and cancel them, and steer a flight that is under way."""
 
-
 from dataclasses import replace
 
 from nerfnav.planner import CostWeights
-from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.experiments import StartExperiment
-from nerfnav_app.state.job import DownloadAction, DownloadRequest, Job, JobKind, TakeMap, TakeTrajectory
-from nerfnav_app.state.records import AllowTime, DeclineFlight, FlightRecord, PlanAction, PlanRecord, RestoreWeights
+from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.job import DownloadRequest, Job, JobKind, MapDownload, TrajectoryDownload
+from nerfnav_app.state.plan import AllowTime, DeclineFlight, PlanAction, PlanRecord, RestoreWeights
+from nerfnav_app.state.runs import StartExperiment
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
+from nerfnav_app.state.tracks import RemoveTrack, StartTrack, TrackAction, TrackRecord
 
 JobCommand = (
     m.StartComparison
@@ -18,56 +18,56 @@ JobCommand = (
     | m.StartFlight
     | PlanAction
     | m.FindRobot
-    | DownloadAction
+    | DownloadRequest
     | m.Cancel
     | StartExperiment
     | TrackAction
 )
 
 
-def job_commanded(session: Session, command: JobCommand) -> Session:
-    """The session after such a command, in an open place."""
+def command_job(session: Session, command: JobCommand) -> Session:
+    """Reduce a command in an open place."""
     match command:
         case m.StartComparison():
-            return begun(session, JobKind.COMPARE)
+            return begin_job(session, JobKind.COMPARE)
         case m.StartPlan():
-            return _planned(session)
+            return _begin_plan(session)
         case m.StartFlight(anyway):
-            return _flown(session, anyway)
+            return _begin_flight(session, anyway)
         case DeclineFlight():
-            return replace(session, doubt=None)
+            return replace(session, unconfirmed=None)
         case AllowTime(seconds):
-            return begun(replace(session, plan_settings=session.plan_settings.lasting(seconds)), JobKind.PLAN)
+            return begin_job(replace(session, plan_settings=session.plan_settings.with_duration(seconds)), JobKind.PLAN)
         case RestoreWeights():
             weighed = replace(session.plan_settings, weights=CostWeights())
-            return begun(replace(session, plan_settings=weighed), JobKind.PLAN)
+            return begin_job(replace(session, plan_settings=weighed), JobKind.PLAN)
         case StartExperiment():
             asked = replace(session, experiments=session.experiments.commanded(command))
-            return begun(asked, JobKind.EXPERIMENT)
+            return begin_job(asked, JobKind.EXPERIMENT)
         case m.FindRobot():
-            return _sought(session)
+            return _begin_search(session)
         case StartTrack():
-            return _tracked(session, command)
-        case ForgetTrack():
+            return _begin_track(session, command)
+        case RemoveTrack():
             return session if session.growing else replace(session, track=None)
-        case TakeMap(wish):
-            return begun(session, JobKind.MAP, wish)
-        case TakeTrajectory(wish):
-            return begun(session, JobKind.EXPORT, wish)
+        case MapDownload():
+            return begin_job(session, JobKind.MAP, command)
+        case TrajectoryDownload():
+            return begin_job(session, JobKind.EXPORT, command)
         case m.Cancel():
-            return cancelled(session)
+            return cancel_job(session)
 
 
-def begun(
-    session: Session, kind: JobKind, wish: DownloadRequest | None = None, anyway: PlanRecord | None = None
+def begin_job(
+    session: Session, kind: JobKind, request: DownloadRequest | None = None, anyway: PlanRecord | None = None
 ) -> Session:
-    """The session that wants a job of this kind, on a fresh record; a notice where another one runs.
+    """Begin a job of this kind, on a fresh record; add a notice where another one runs.
 
-    A flight begins with the plan that is there, or with one that is to be flown `anyway`.
+    A flight begins with the plan that is shown, or with one that is to be flown `anyway`.
     """
     if not session.may_begin:
-        return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
-    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, wish=wish)
+        return add_notice(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
+    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, request=request)
     if kind is JobKind.FLY:
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
     fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
@@ -75,58 +75,59 @@ def begun(
         return replace(fresh, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE, JobKind.TRACK):
         return fresh
-    fresh = replace(fresh, flight=None, track=None, doubt=None, held=False, comparison=(), search=None)
+    fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=PlanRecord(session.ends, session.choice.planner, session.plan_settings))
     return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends))
 
 
-def _planned(session: Session) -> Session:
-    """The session that plans, or that will once the place can be seen: what shapes its surface is not to be stopped."""
+def _begin_plan(session: Session) -> Session:
+    """Begin to plan, now or once the place is shown: the job that makes its surface is not stopped."""
     job = session.job
     if job is not None and job.kind is JobKind.OPEN and not session.may_begin:
         return replace(session, job=replace(job, plan_after=True))
-    return begun(session, JobKind.PLAN)
+    return begin_job(session, JobKind.PLAN)
 
 
-def _flown(session: Session, anyway: bool) -> Session:
-    """The session that flies, or that asks first, where the plan is known not to be safe."""
+def _begin_flight(session: Session, anyway: bool) -> Session:
+    """Begin to fly, or ask the user first, where the plan is known not to be safe."""
     unsafe = session.unsafe_plan
     if unsafe is None or not unsafe.leads or not session.may_begin:
-        return begun(session, JobKind.FLY)  # which looks for a way itself, where none was found
-    return begun(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, doubt=unsafe)
+        return begin_job(session, JobKind.FLY)  # which plans by itself, where no plan was found
+    return begin_job(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, unconfirmed=unsafe)
 
 
-def _tracked(session: Session, command: StartTrack) -> Session:
-    """The session that follows a camera, in place of a flight."""
+def _begin_track(session: Session, command: StartTrack) -> Session:
+    """Begin to track a camera, in place of a flight."""
     if not session.may_begin:
-        return begun(session, JobKind.TRACK)  # which says why not
-    session = begun(replace(session, flight=None, search=None, track=TrackRecord(command.name)), JobKind.TRACK)
+        return begin_job(session, JobKind.TRACK)  # which adds the notice
+    session = begin_job(replace(session, flight=None, search=None, track=TrackRecord(command.name)), JobKind.TRACK)
     return session if session.job is None else replace(session, job=replace(session.job, track=command))
 
 
-def _sought(session: Session) -> Session:
-    """The session that looks for the robot in the last picture of its flight."""
+def _begin_search(session: Session) -> Session:
+    """Begin to search for the robot in the last picture of its flight."""
     if session.last_picture is None:
-        return noticed(session, "No picture", "The robot has not looked around yet: let it fly first.", bad=True)
-    return begun(session, JobKind.FIND)
+        return add_notice(session, "No picture", "There is no camera picture yet: fly first.", bad=True)
+    return begin_job(session, JobKind.FIND)
 
 
-def emptied(session: Session) -> Session:
-    """The session without its job and what jobs have made."""
-    return replace(cancelled(session), plan=None, flight=None, track=None, doubt=None, comparison=(), search=None)
+def discard_results(session: Session) -> Session:
+    """Discard the job and the results of jobs."""
+    cancelled = cancel_job(session)
+    return replace(cancelled, plan=None, flight=None, track=None, unconfirmed=None, comparison=(), search=None)
 
 
-def cancelled(session: Session) -> Session:
-    """The session without its job; once a place is open, what only makes later jobs quicker is left to run."""
+def cancel_job(session: Session) -> Session:
+    """Cancel the job; once a place is open, a job that only makes later ones quicker goes on."""
     if session.job is None:
         return session
     opened = session.job.kind is JobKind.OPEN and session.place is not None
-    return session if opened else given_up(session)
+    return session if opened else abandon_job(session)
 
 
-def given_up(session: Session) -> Session:
-    """The session without its job; where a place is not open yet, the place before it."""
+def abandon_job(session: Session) -> Session:
+    """Abandon the job; where a place is not open yet, go back to the place before it."""
     before = session.before
     if session.place is not None or before is None:
         return replace(session, job=None)
@@ -136,18 +137,18 @@ def given_up(session: Session) -> Session:
 Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.KidnapRobot | m.FindRobot
 
 
-def steered(session: Session, command: Steering) -> Session:
-    """The session after such a command; unchanged where nothing flies."""
+def steer_flight(session: Session, command: Steering) -> Session:
+    """Steer the flight under way."""
     job = session.job
     if job is None or not session.in_flight:
         return session
     flight = session.flight
     if flight is not None and isinstance(command, m.Gust):
         flight = replace(flight, gusts=(*flight.gusts, session.steps_reported))
-    return replace(session, job=_asked(job, command, session.steps_reported), flight=flight)
+    return replace(session, job=_steer_job(job, command, session.steps_reported), flight=flight)
 
 
-def _asked(job: Job, command: Steering, steps: int) -> Job:
+def _steer_job(job: Job, command: Steering, steps: int) -> Job:
     match command:
         case m.Pause():
             return replace(job, paused=True, allowed_steps=steps)

@@ -1,8 +1,7 @@
-"""Reducer of the place: open another one, choose the robot and its task, point at ends, align the place by hand.
+"""Reducer of the place: open another, choose robot, task and quality, set ends, align by hand, follow tabs' cameras.
 
 An alignment corrects scale, floor and box; its result is opened as another place, and can be undone.
 """
-
 
 from dataclasses import replace
 
@@ -11,14 +10,14 @@ from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import title_of
-from nerfnav_app.reducers.common import moved, noticed, settled, typed
-from nerfnav_app.reducers.jobs import begun, emptied
+from nerfnav_app.reducers.common import add_notice, enter_place, move_end, type_end
+from nerfnav_app.reducers.jobs import begin_job, discard_results
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import alignment as p
-from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.alignment import Ray, Vector
 from nerfnav_app.state.job import Job, JobKind
-from nerfnav_app.state.session import Click, Session, Vector
-from nerfnav_app.state.settings import Choice
+from nerfnav_app.state.place import Choice, Click
+from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMoved, CameraRested, TabAction, TabClosed
 from nerfnav_app.text import sentence
 
@@ -30,33 +29,33 @@ PlaceCommand = (
     | m.ChooseQuality
     | m.ListPlaces
     | m.Choose
-    | m.Aim
-    | m.Point
+    | m.AimEnd
+    | m.ClickScene
     | TabAction
 )
 
 
-def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Session:
-    """The session after such a command, where `place` is open."""
+def command_place(session: Session, place: Place, command: PlaceCommand) -> Session:
+    """Reduce a command in the open `place`."""
     match command:
         case m.TypeEnd(which, end):
-            return typed(session, place, which, end)
+            return type_end(session, place, which, end)
         case m.MoveEnd(which, end, held):
-            return moved(session, place, which, end, held)
+            return move_end(session, place, which, end, held)
         case m.ChooseTask(name):
-            return _chosen_task(session, place, name)
+            return _choose_task(session, place, name)
         case m.OpenPlace(what):
-            return opening(session, what)
+            return open_place(session, what)
         case m.ChooseQuality(quality):
             return replace(session, quality=quality)
         case m.ListPlaces():
             return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
-            return chosen(session, place, choice)
-        case m.Aim(which):
-            return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
-        case m.Point(origin, direction):
-            return _pointed(session, origin, direction)
+            return make_choice(session, place, choice)
+        case m.AimEnd(which):
+            return replace(session, aiming=which, alignment=replace(session.alignment, pointing=None))
+        case m.ClickScene(origin, direction):
+            return _point(session, origin, direction)
         case CameraMoved(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
         case CameraRested(view):
@@ -65,55 +64,55 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
             return session.close_tab(client)
 
 
-def opening(session: Session, what: str) -> Session:
-    """The session that opens another place, and can go back to this one."""
+def open_place(session: Session, what: str) -> Session:
+    """Open another place, from which the session can go back to this one."""
     session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
-    opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
+    opening = Session(what, choice=session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
     kept = {name: getattr(session, name) for name in ("experiments", "places_asked", "quality")}
     opening = replace(opening, runs=session.runs.elsewhere(), **kept)
     # a place that was never open is nothing to go back to
     return replace(opening, before=session if session.place is not None else session.before)
 
 
-def chosen(session: Session, place: Place, choice: Choice) -> Session:
-    """The session with another robot, planner or estimator; a notice where one of these is not known or not sound."""
+def make_choice(session: Session, place: Place, choice: Choice) -> Session:
+    """Choose another robot, planner or estimator; add a notice where one of these is unknown or invalid."""
     try:
         choice.check()
     except NerfnavError as error:
-        return noticed(session, "No such choice", sentence(str(error)), bad=True)
+        return add_notice(session, "No such choice", sentence(str(error)), bad=True)
     changed = replace(session, choice=choice)
     if choice.robot == session.choice.robot:
         return changed
-    # plans and flights are those of another body
-    return settled(emptied(changed), place)
+    # plans and flights belong to another body
+    return enter_place(discard_results(changed), place)
 
 
-def _chosen_task(session: Session, place: Place, name: str) -> Session:
-    """The session at the ends of a task, with the robot that the task is for."""
+def _choose_task(session: Session, place: Place, name: str) -> Session:
+    """Choose a task: its ends, and its robot."""
     task = next((task for task in place.tasks if task.name == name), None)
     if task is None:
         return session
     if task.robot != session.choice.robot:
-        session = chosen(session, place, replace(session.choice, robot=task.robot))
+        session = make_choice(session, place, replace(session.choice, robot=task.robot))
     return replace(
         session, task=name, home=name, ends=Ends.of_task(task), seeking=False, problems={}, offers={}, outside={}
     )
 
 
-def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
-    """The session that looks where a click lands, if an end is to be put there."""
+def _point(session: Session, origin: Vector, direction: Vector) -> Session:
+    """Point at the place with a click, which moves an end or measures."""
     if session.aiming is None:
-        placing = session.placing
+        placing = session.alignment
         if placing.pointing is None:
             return session
-        return replace(session, placing=replace(placing, clicked=Ray(origin, direction)))
+        return replace(session, alignment=replace(placing, clicked=Ray(origin, direction)))
     return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
 
 
-def placing_commanded(session: Session, command: p.AlignmentAction) -> Session:
-    """The session after such a command, in an open place."""
-    placing = session.placing
+def command_alignment(session: Session, command: p.AlignmentAction) -> Session:
+    """Reduce a command of the alignment in an open place."""
+    placing = session.alignment
     match command:
         case p.PickPoints(pointing):
             fresh = replace(placing, pointing=pointing, clicked=None)
@@ -121,46 +120,46 @@ def placing_commanded(session: Session, command: p.AlignmentAction) -> Session:
                 fresh = replace(fresh, measured=())
             elif pointing is p.PickTarget.FLOOR:
                 fresh = replace(fresh, floor=(), above=None, find_floor=False)
-            return replace(session, placing=fresh, aiming=None)
+            return replace(session, alignment=fresh, aiming=None)
         case p.SetDistance(distance):
-            return replace(session, placing=replace(placing, distance=distance))
+            return replace(session, alignment=replace(placing, distance=distance))
         case p.FindFloor(on):
             floor = () if on else placing.floor
-            return replace(session, placing=replace(placing, find_floor=on, floor=floor, above=None))
+            return replace(session, alignment=replace(placing, find_floor=on, floor=floor, above=None))
         case p.Keep(box):
-            return replace(session, placing=replace(placing, kept=box))
+            return replace(session, alignment=replace(placing, kept=box))
         case p.DiscardAlignment():
-            return replace(session, placing=p.AlignmentDraft(undo=placing.undo))
+            return replace(session, alignment=p.AlignmentDraft(undo=placing.undo))
         case p.ApplyAlignment():
-            return _applied(session)
+            return _apply_alignment(session)
         case p.UndoAlignment():
-            return _undone(session)
+            return _undo_alignment(session)
 
 
-def placed(session: Session, result: JobResult) -> Session:
-    """The session that opens the place as it was put right, and can go back to it as it was."""
-    told = tuple(map(str, result.summary["changed"]))
-    placing = p.AlignmentDraft(undo=(*session.placing.undo, session.what), told=told)
-    opened = replace(opening(session, str(result.files[0])), placing=placing)
-    return noticed(opened, "Put right", sentence("; ".join(told)))
+def open_georeferenced(session: Session, result: JobResult) -> Session:
+    """Open the georeferenced place, from which the session can go back to the place before."""
+    changes = tuple(map(str, result.summary["changed"]))
+    placing = p.AlignmentDraft(undo=(*session.alignment.undo, session.what), changes=changes)
+    opened = replace(open_place(session, str(result.files[0])), alignment=placing)
+    return add_notice(opened, "Georeferenced", sentence("; ".join(changes)))
 
 
-def _applied(session: Session) -> Session:
-    placing = session.placing
+def _apply_alignment(session: Session) -> Session:
+    placing = session.alignment
     if len(placing.measured) == 2 and placing.distance is None:
-        return noticed(session, "Not yet", "Type how far the two points are apart in truth.", bad=True)
+        return add_notice(session, "Distance missing", "Type the true distance of the two points.", bad=True)
     try:
-        correction = placing.correction()
+        correction = placing.request()
     except NerfnavError as error:
-        return noticed(session, "Not changed", sentence(str(error)), bad=True)
+        return add_notice(session, "Not changed", sentence(str(error)), bad=True)
     if correction.is_empty:
-        text = "Measure something, click three points of the floor, or crop the place first."
-        return noticed(session, "Nothing to change", text, bad=True)
-    return begun(replace(session, placing=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
+        text = "First measure a distance, click three points of the floor, or crop the place."
+        return add_notice(session, "Nothing to change", text, bad=True)
+    return begin_job(replace(session, alignment=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
 
 
-def _undone(session: Session) -> Session:
-    placing = session.placing
+def _undo_alignment(session: Session) -> Session:
+    placing = session.alignment
     if not placing.undo:
-        return noticed(session, "Nothing to undo", "The place is as it was opened.", bad=True)
-    return replace(opening(session, placing.undo[-1]), placing=p.AlignmentDraft(undo=placing.undo[:-1]))
+        return add_notice(session, "Nothing to undo", "No alignment was applied to this place.", bad=True)
+    return replace(open_place(session, placing.undo[-1]), alignment=p.AlignmentDraft(undo=placing.undo[:-1]))

@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state.actions import RunChanged
 from nerfnav_app.state.runs import (
     CompareRun,
@@ -24,8 +24,8 @@ from nerfnav_app.state.runs import (
 from nerfnav_app.state.session import Session
 
 
-def source_elsewhere(session: Session, name: str) -> str | None:
-    """What has to be opened before a flight can be shown; None where it is open, or nobody knows."""
+def find_other_source(session: Session, name: str) -> str | None:
+    """Find the place that has to be opened before a flight can be shown; None where it is open, or unknown."""
     entry = session.runs.entry(name)
     if entry is None or session.in_flight or session.place is None:
         return None
@@ -33,15 +33,15 @@ def source_elsewhere(session: Session, name: str) -> str | None:
     return None if here else entry.metadata.source
 
 
-def commanded(session: Session, command: RunAction) -> Session:
-    """The session after what a person has asked for."""
+def command_runs(session: Session, command: RunAction) -> Session:
+    """Reduce a command of the user."""
     runs, flight = session.runs, session.timed
     match command:
         case ListRuns():
             return replace(session, runs=replace(runs, listed=None))
         case OpenRun(name):
             if session.in_flight:
-                return noticed(session, "Still flying", "Stop the flight before you open another one.", bad=True)
+                return add_notice(session, "Still flying", "Stop the flight before you open another one.", bad=True)
             return replace(session, runs=runs.wanting(name))
         case CompareRun(None):
             return replace(session, runs=replace(runs, compared=None))
@@ -62,18 +62,18 @@ def commanded(session: Session, command: RunAction) -> Session:
     return session
 
 
-def changed(session: Session, done: RunChanged) -> Session:
-    """The session after a stored run was renamed or deleted, or could not be; an opened flight stays in sight."""
+def finish_change(session: Session, done: RunChanged) -> Session:
+    """Finish the change of a stored run, or report its failure; an opened flight stays in sight."""
     change, runs = done.change, session.runs
     left = tuple(other for other in runs.changes if other != change)
     session = replace(session, runs=replace(runs, changes=left, listed=None))
     if done.problem is not None:
-        return noticed(session, f"Could not {change.verb}", done.problem, bad=True)
+        return add_notice(session, f"Could not {change.verb}", done.problem, bad=True)
     return replace(session, runs=_forgotten(session.runs, change))
 
 
-def rolled(session: Session, seconds: float) -> Session:
-    """The session after some time of a running timeline."""
+def roll_timeline(session: Session, seconds: float) -> Session:
+    """Advance a running timeline by some time [s]."""
     timeline = session.runs.timeline
     if not timeline.playing:
         return session
@@ -82,8 +82,8 @@ def rolled(session: Session, seconds: float) -> Session:
     return replace(session, runs=replace(session.runs, timeline=timeline.rolled(seconds)))
 
 
-def opened(session: Session, stored: StoredFlight) -> Session:
-    """The session with a stored flight as its flight, of the robot that flew it, between its ends."""
+def show_run(session: Session, stored: StoredFlight) -> Session:
+    """Show a stored flight as the flight of the session, with its robot and its ends."""
     place, about = session.place, stored.entry.metadata
     if place is None or session.growing:
         return session
@@ -91,9 +91,9 @@ def opened(session: Session, stored: StoredFlight) -> Session:
         try:
             place = place.with_robot(about.robot)
         except NerfnavError:  # whose text names a folder, and browsers read this
-            told = f"Its robot, {Path(about.robot).stem}, is not here any more, or its file describes none."
-            return noticed(session, "Could not open", told, bad=True)
-    timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # all of it is seen at once
+            text = f"The robot {Path(about.robot).stem} is missing, or its file is invalid: load it again."
+            return add_notice(session, "Could not open", text, bad=True)
+    timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # show all of it at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
         seeking=False, problems={}, offers={}, outside={}, plan=None, flight=stored.record, track=None, search=None,
@@ -101,21 +101,21 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     )  # fmt: skip
 
 
-def compared(session: Session, stored: StoredFlight) -> Session:
-    """The session with a stored flight beside the one that is shown."""
+def compare_run(session: Session, stored: StoredFlight) -> Session:
+    """Show a stored flight beside the present one."""
     about = stored.entry.metadata
-    # a place that was renamed since is found by what was opened
+    # a place that was renamed since is found by its source
     if session.place is None or (about.place != session.place.name and about.source != session.what):
-        told = f"{stored.entry.name} was flown in {about.place}: open it first, then compare others with it."
-        return noticed(session, "Another place", told, bad=True)
+        reason = f"{stored.entry.name} was flown in {about.place}: open it first, then compare others with it."
+        return add_notice(session, "Another place", reason, bad=True)
     if _is_shown(session, stored):
-        told = f"{stored.entry.name} is the flight that is shown: choose another one to compare it with."
-        return noticed(session, "The same flight", told, bad=True)
+        reason = f"{stored.entry.name} is the flight that is shown: choose another one to compare it with."
+        return add_notice(session, "The same flight", reason, bad=True)
     return replace(session, runs=replace(session.runs, compared=stored))
 
 
 def _is_shown(session: Session, stored: StoredFlight) -> bool:
-    """Whether a stored flight is the one on the page; one that has just been flown is known by its states alone."""
+    """Check whether a stored flight is the one on the page; one that has just ended is compared by its states."""
     flight, opened = session.flight, session.runs.opened
     if flight is None or (opened is not None and opened.record is flight):
         return flight is not None and opened is not None and opened.entry.name == stored.entry.name
@@ -124,7 +124,7 @@ def _is_shown(session: Session, stored: StoredFlight) -> bool:
 
 
 def _forgotten(runs: Runs, change: RunChange) -> Runs:
-    """The runs where a name has changed or is gone."""
+    """Rename or remove the runs of a changed name."""
     kept = {}
     for part in ("opened", "compared"):
         stored: StoredFlight | None = getattr(runs, part)

@@ -9,6 +9,7 @@ import gzip
 import hmac
 import http
 import ipaddress
+import time
 from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
@@ -17,7 +18,6 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from nerfnav_app.security.address import is_loopback
-from nerfnav_app.security.token_bucket import TokenBucket
 
 _COOKIE = "nerfnav_token"
 _CONNECTIONS_AT_ONCE, _CONNECTIONS_PER_S = 64.0, 16.0
@@ -105,3 +105,22 @@ def _token_in_cookie(request: Request) -> str | None:
     except CookieError:
         return None
     return None if cookie is None else cookie.value
+
+
+class TokenBucket:
+    """Fills with time, is emptied by what happens."""
+
+    def __init__(self, most: float, per_s: float, now: Callable[[], float] = time.monotonic) -> None:
+        """Full at first; `most` is what it holds, `per_s` what it gains each second, `now` a clock [s]."""
+        self._most, self._per_s, self._now = most, per_s, now
+        self._left, self._at = most, now()
+
+    def spend(self, amount: float) -> bool:
+        """Take `amount` if it is there; whether it was."""
+        now = self._now()
+        self._left = min(self._most, self._left + (now - self._at) * self._per_s)
+        self._at = now
+        if amount > self._left:
+            return False
+        self._left -= amount
+        return True

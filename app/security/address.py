@@ -4,7 +4,6 @@ viser silently takes the next port when the asked one is taken, and hangs on a h
 that other machines reach must have a token, which visitors bring.
 """
 
-
 import errno
 import ipaddress
 import re
@@ -36,7 +35,7 @@ def check_address(host: str, port: int) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`."""
+    """Check whether only this machine reaches `host`."""
     try:
         addresses = {str(entry[4][0]) for entry in socket.getaddrinfo(host, None)} if host else set()
     except (OSError, UnicodeError):
@@ -45,7 +44,7 @@ def is_loopback(host: str) -> bool:
 
 
 def page_url(host: str, port: int, token: str | None) -> str:
-    """Where the page of a server is, token included."""
+    """URL of the page of a server, token included."""
     name = "localhost" if host in ("0.0.0.0", "::", "") else host
     return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
 
@@ -72,7 +71,7 @@ def check_token(host: str, token: str | None) -> None:
     """Raise TokenError for a missing or unusable token; only a server that this machine alone reaches needs none."""
     if token is None and not is_loopback(host):
         raise TokenError(
-            f"whoever reaches {host} could steer this app: give it a secret with --token, or serve at 127.0.0.1"
+            f"all that reach {host} could steer this app: give it a secret with --token, or serve at 127.0.0.1"
         )
     if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")

@@ -13,7 +13,6 @@ large or larger than it said, few at a time, to upload buttons alone.
     address          whether a server can listen at an address, and the secret that visitors bring
 """
 
-
 import contextlib
 import io
 import logging
@@ -105,7 +104,7 @@ def guarding(access: AccessPolicy, message_filter: MessageFilter) -> Iterator[No
 
 @dataclass(frozen=True)
 class PagePolicy:
-    """What the guard has to know of the page."""
+    """Page settings for the guard."""
 
     brand: Callable[[bytes], bytes]
     """viser's page (HTML) to the same under the app's name."""
@@ -133,5 +132,5 @@ def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) 
 
 
 def _is_worth_telling(record: logging.LogRecord) -> bool:
-    """Drops the tracebacks of whoever leaves before asking; viser does so itself, but only after the first request."""
+    """Drop the tracebacks of visitors that leave before asking; viser does so only after the first request."""
     return record.getMessage() != "opening handshake failed"

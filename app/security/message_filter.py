@@ -14,7 +14,7 @@ import numpy as np
 import viser
 import viser._messages as viser_messages
 
-from nerfnav_app.security.token_bucket import TokenBucket
+from nerfnav_app.security.access import TokenBucket
 from nerfnav_app.security.widget_values import LARGEST, LONGEST, is_number, may_set
 
 MOST_TABS = 32
@@ -82,7 +82,7 @@ class MessageFilter:
         return handle
 
     def _filtered(self, connection: Any, bucket: TokenBucket) -> Callable[[], Awaitable[bytes]]:
-        """What gives the next message that may pass."""
+        """Make the function that gives the next message that may pass."""
         receive = connection.recv
 
         async def receive_sane() -> bytes:
@@ -118,7 +118,7 @@ class MessageFilter:
                 return True
 
     def _may_update(self, connection: Any, uuid: str, updates: dict[str, Any]) -> bool:
-        """Whether a tab may change a widget so; a tab that may not is told what the widget is set to."""
+        """Check whether a tab may change a widget so; a tab that may not is sent the present value."""
         assert self._server is not None
         live = self._server._websock_server._live_connections
         client = self._server._connected_clients.get(next((id for id, at in live.items() if at is connection), -1))
@@ -152,7 +152,7 @@ def decode_message(raw: bytes | str) -> viser_messages.Message | None:
 
 
 def _is_sane(value: Any) -> bool:
-    """Whether numbers are finite and of sensible size, and texts not endless, at any depth."""
+    """Check that numbers are finite and of sensible size, and texts not endless, at any depth."""
     if isinstance(value, float):
         return is_number(value)
     if isinstance(value, int):
@@ -167,7 +167,7 @@ def _is_sane(value: Any) -> bool:
 
 
 def _makes_sense(message: viser_messages.Message) -> bool:
-    """Whether attitudes are attitudes, and views views."""
+    """Check attitudes and views of a message."""
     match message:
         case viser_messages.TransformControlsUpdateMessage():
             return _is_attitude(message.wxyz)

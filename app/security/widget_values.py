@@ -20,7 +20,7 @@ Check = Callable[[Any, Any], bool]
 
 
 def is_number(value: Any, low: float | None = None, high: float | None = None) -> bool:
-    """Whether it is a finite number of sensible size from `low` to `high`."""
+    """Check for a finite number of sensible size from `low` to `high`."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return False
     least = -LARGEST if low is None else low - _slack(low)
@@ -94,7 +94,7 @@ _CHECKS: dict[type, Check] = {
 
 
 def may_set(widget: Any, updates: dict[str, Any]) -> bool:
-    """Whether a tab may make these changes to a widget: its value alone, if it is enabled, and to what it can be."""
+    """Check changes of a widget by a tab: its value alone, if it is enabled, within its range."""
     check = _CHECKS.get(type(widget))
     if check is None or set(updates) != {"value"} or widget.disabled:
         return False

@@ -5,91 +5,30 @@ from enum import Enum
 from typing import Any, Protocol
 
 from nerfnav_app.jobs.events import JobReport
-from nerfnav_app.places.ends import End, EndRole
-from nerfnav_app.places.sources import QualityName
 from nerfnav_app.state.alignment import AlignmentAction
-from nerfnav_app.state.experiments import ExperimentAction
-from nerfnav_app.state.job import DownloadAction
-from nerfnav_app.state.records import PlanAction
-from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
-from nerfnav_app.state.runs import RunAction, RunChange
-from nerfnav_app.state.session import Session, Vector
-from nerfnav_app.state.settings import Choice
+from nerfnav_app.state.flight import FindRobot, Gust, KidnapRobot, Pause, Resume, StartFlight, StepOnce
+from nerfnav_app.state.job import DownloadRequest
+from nerfnav_app.state.place import (
+    AimEnd,
+    Choose,
+    ChooseQuality,
+    ChooseTask,
+    ClickScene,
+    ListPlaces,
+    MoveEnd,
+    OpenPlace,
+    TypeEnd,
+)
+from nerfnav_app.state.plan import PlanAction, StartComparison, StartPlan
+from nerfnav_app.state.robot_draft import DiscardEdits, EditRobot
+from nerfnav_app.state.runs import ExperimentAction, RunAction, RunChange
+from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackAction
 from nerfnav_app.state.view import TabAction
 
 
-@dataclass(frozen=True)
-class MoveEnd:
-    """Put the start or the goal somewhere else."""
-
-    which: EndRole
-    end: End
-    held: bool = False
-    """Whether a hand still moves it."""
-
-
-@dataclass(frozen=True)
-class TypeEnd:
-    """Put the start or the goal where its numbers say; unlike a hand, they may say a place that is none."""
-
-    which: EndRole
-    end: End
-
-
-@dataclass(frozen=True)
-class ChooseTask:
-    """Take start and goal of a task of the scene."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class OpenPlace:
-    """Open another scene or field."""
-
-    what: str
-    """Name of a bundled scene, or path of a field file."""
-
-
-@dataclass(frozen=True)
-class ChooseQuality:
-    """Learn places that come without a field so well from now on."""
-
-    quality: QualityName
-
-
-@dataclass(frozen=True)
-class ListPlaces:
-    """List the library of places again: one was renamed or deleted."""
-
-
-@dataclass(frozen=True)
-class Choose:
-    """Take another robot, planner or estimator."""
-
-    choice: Choice
-
-
-@dataclass(frozen=True)
-class Aim:
-    """Let the next click into the scene put an end there; None: let clicks be clicks."""
-
-    which: EndRole | None
-
-
-@dataclass(frozen=True)
-class Point:
-    """A click into the scene."""
-
-    origin: Vector
-    """Where the ray of the click begins [m]."""
-    direction: Vector
-    """Where it goes, of any length."""
-
-
 class Settings(Enum):
-    """Records whose numbers a person may change."""
+    """Records of settings whose numbers the user may change; the values are fields of the session."""
 
     VIEW = "view_settings"
     PLAN = "plan_settings"
@@ -108,76 +47,28 @@ class Adjust:
 
 
 @dataclass(frozen=True)
-class StartComparison:
-    """Let every planner find its way between the ends."""
-
-
-@dataclass(frozen=True)
-class Gust:
-    """Push the flying robot, once."""
-
-
-@dataclass(frozen=True)
-class KidnapRobot:
-    """Put the flying robot down somewhere else, once."""
-
-
-@dataclass(frozen=True)
-class FindRobot:
-    """Look for the robot everywhere, by its last picture alone; a flight goes on from where it is found."""
-
-
-@dataclass(frozen=True)
-class StartPlan:
-    """Optimise a trajectory between the ends."""
-
-
-@dataclass(frozen=True)
-class StartFlight:
-    """Fly from start to goal with the camera alone, replanning at every step."""
-
-    anyway: bool = False
-    """Whether to fly a plan that is not safe: else the person is asked first."""
-
-
-@dataclass(frozen=True)
 class Cancel:
     """Stop the running job and keep what it has shown."""
 
 
 @dataclass(frozen=True)
-class Pause:
-    """Hold the running job after the time step in progress."""
-
-
-@dataclass(frozen=True)
-class Resume:
-    """Let a held job go on."""
-
-
-@dataclass(frozen=True)
-class StepOnce:
-    """Let a held job take one time step."""
-
-
-@dataclass(frozen=True)
 class Reset:
-    """Stop, forget plan and flight, put the ends back where the task has them, and all settings as they were."""
+    """Stop, discard plan and flight, and restore the task's ends and all default settings."""
 
 
 @dataclass(frozen=True)
 class Undo:
-    """Go back to before the last move or setting."""
+    """Return to the settings before the last move or change."""
 
 
 @dataclass(frozen=True)
 class Redo:
-    """Take the last undo back."""
+    """Revert the last undo."""
 
 
 @dataclass(frozen=True)
-class Tell:
-    """Notify the user."""
+class Notify:
+    """Show the user a message."""
 
     title: str
     body: str
@@ -192,32 +83,32 @@ Command = (
     | ChooseQuality
     | ListPlaces
     | Choose
-    | Aim
-    | Point
-    | Adjust
-    | TabAction
-    | StartComparison
-    | Gust
-    | KidnapRobot
-    | FindRobot
+    | AimEnd
+    | ClickScene
     | StartPlan
-    | StartFlight
+    | StartComparison
     | PlanAction
-    | DownloadAction
-    | Cancel
+    | StartFlight
     | Pause
     | Resume
     | StepOnce
-    | Reset
-    | EditRobot
-    | ForgetEdits
-    | Undo
-    | Redo
-    | RunAction
+    | Gust
+    | KidnapRobot
+    | FindRobot
+    | TabAction
     | AlignmentAction
     | TrackAction
+    | RunAction
     | ExperimentAction
-    | Tell
+    | DownloadRequest
+    | EditRobot
+    | DiscardEdits
+    | Adjust
+    | Cancel
+    | Reset
+    | Undo
+    | Redo
+    | Notify
 )
 
 
@@ -226,15 +117,15 @@ class Reported:
     """A job has yielded something or ended."""
 
     job: int
-    """Which job, `Job.id`."""
+    """Its id, `Job.id`."""
     event: JobReport
 
 
 class AppliesResult(Protocol):
-    """A query, as far as the session has to know: nerfnav_app.queries.query.Query."""
+    """A query, as far as the session needs it: nerfnav_app.queries.query.Query."""
 
     def apply(self, session: Session, result: Any) -> Session:
-        """The session with the result of the query."""
+        """Return the session with the result of the query."""
         ...
 
 
@@ -252,7 +143,7 @@ class RunChanged:
 
     change: RunChange
     problem: str | None = None
-    """One sentence, or None where all is well."""
+    """One sentence, or None where it succeeded."""
 
 
 @dataclass(frozen=True)

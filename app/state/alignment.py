@@ -1,23 +1,23 @@
-"""Alignment of a place by hand: points, floor and box that a person has given, and the actions that change them."""
+"""Alignment of a place by hand: points, floor and box that the user has entered, and the commands that change them."""
 
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from nerfnav.importers import AlignmentRequest
+from nerfnav.importers import AlignmentRequest, MeasuredDistance
 
 Vector = tuple[float, float, float]
 
 
 class PickTarget(Enum):
-    """What clicks into the scene tell; the value is what the user reads."""
+    """Measurement that clicks into the scene take; the value is the user's option."""
 
     DISTANCE = "two points"
     FLOOR = "the floor"
 
     @property
     def count(self) -> int:
-        """How many points it takes."""
+        """Number of points that it takes."""
         return 2 if self is PickTarget.DISTANCE else 3
 
 
@@ -26,39 +26,39 @@ class Ray:
     """A click into the scene."""
 
     origin: Vector
-    """Where it begins [m]."""
+    """[m]"""
     direction: Vector
-    """Where it goes, of any length."""
+    """Of any length."""
 
 
 @dataclass(frozen=True)
 class AlignmentDraft:
-    """How the place is to be put right, in its coordinates of now, as far as it was told."""
+    """Corrections of up, scale and box in the place's present coordinates, as far as the user has entered them."""
 
     pointing: PickTarget | None = None
-    """What the next click tells; None: clicks are clicks."""
+    """Measurement that the next click takes; None: clicks measure nothing."""
     clicked: Ray | None = None
-    """A click whose landing is being looked for."""
+    """A click whose target is being computed."""
     measured: tuple[Vector, ...] = ()
     """Up to two points [m]."""
     distance: float | None = None
-    """How far they are apart in truth [m]."""
+    """True distance of the two points [m]."""
     floor: tuple[Vector, ...] = ()
     """Up to three points on the floor [m]."""
     above: Vector | None = None
-    """From where the last of them was clicked: the floor is seen from above."""
+    """Eye of the last click on the floor: it lies above the floor."""
     find_floor: bool = False
-    """Whether the floor is to be looked for instead."""
+    """Detect the floor instead."""
     kept: tuple[Vector, Vector] | None = None
-    """Lowest and highest corner of what is to be kept [m]; None: all."""
+    """Lowest and highest corner of the part to keep [m]; None: all."""
     undo: tuple[str, ...] = ()
-    """Fields of before, the newest last."""
-    told: tuple[str, ...] = ()
-    """What the last change has changed."""
+    """Earlier fields, the newest last."""
+    changes: tuple[str, ...] = ()
+    """Description of the last alignment that was applied."""
 
-    def pointed(self, point: Vector) -> "Placing":
-        """With one more point of what is being pointed at; after the last one, clicks are clicks again."""
-        assert self.pointing is not None, "only clicks that were asked for land"
+    def pointed(self, point: Vector) -> "AlignmentDraft":
+        """Add a point of the current measurement; after its last point, clicks measure nothing again."""
+        assert self.pointing is not None, "only requested clicks measure something"
         known = self.measured if self.pointing is PickTarget.DISTANCE else self.floor
         points = (*known, point)[-self.pointing.count :] if len(known) < self.pointing.count else (point,)
         rest = None if len(points) == self.pointing.count else self.pointing
@@ -69,11 +69,11 @@ class AlignmentDraft:
 
     @property
     def length(self) -> float | None:
-        """How far the two points are apart as the place is [m]."""
+        """Present distance of the two points [m]."""
         return math.dist(*self.measured) if len(self.measured) == 2 else None
 
-    def correction(self) -> AlignmentRequest:
-        """What all this asks for. Raises InvalidInputError for what cannot be meant."""
+    def request(self) -> AlignmentRequest:
+        """Build the request of the importers. Raises InvalidInputError for contradictory input."""
         up = None
         floor = (self.floor[0], self.floor[1], self.floor[2]) if len(self.floor) == 3 else None
         if floor is not None and self.above is not None:
@@ -81,20 +81,20 @@ class AlignmentDraft:
             up = (x, y, z)
         measured = None
         if len(self.measured) == 2 and self.distance is not None:
-            measured = (*self.measured, self.distance)
+            measured = MeasuredDistance(*self.measured, self.distance)
         return AlignmentRequest(measured, floor=floor, find_floor=self.find_floor, up=up, kept=self.kept)
 
 
 @dataclass(frozen=True)
 class PickPoints:
-    """Let the next clicks into the scene tell something, from its first point on; None: let clicks be clicks."""
+    """Let the next clicks into the scene take a measurement, from its first point on; None: clicks measure nothing."""
 
     pointing: PickTarget | None
 
 
 @dataclass(frozen=True)
 class SetDistance:
-    """Say how far the two points are apart in truth."""
+    """Set the true distance of the two points."""
 
     distance: float
     """[m]"""
@@ -102,31 +102,31 @@ class SetDistance:
 
 @dataclass(frozen=True)
 class FindFloor:
-    """Look for the floor, or no longer."""
+    """Switch the detection of the floor on or off."""
 
     on: bool
 
 
 @dataclass(frozen=True)
 class Keep:
-    """Say what is to be kept; None: all."""
+    """Set the part of the place to keep; None: all."""
 
     box: tuple[Vector, Vector] | None
 
 
 @dataclass(frozen=True)
 class ApplyAlignment:
-    """Put the place right, as it was told."""
+    """Align the place by all that was entered."""
 
 
 @dataclass(frozen=True)
 class DiscardAlignment:
-    """Forget what was told."""
+    """Discard all that was entered and not applied."""
 
 
 @dataclass(frozen=True)
 class UndoAlignment:
-    """Go back to the place as it was before the last change."""
+    """Return to the place before the last alignment."""
 
 
 AlignmentAction = PickPoints | SetDistance | FindFloor | Keep | ApplyAlignment | DiscardAlignment | UndoAlignment

@@ -7,14 +7,14 @@ from nerfnav_app.state.session import Session
 
 
 def name_subject(session: Session) -> str | None:
-    """What would be exported: the flight, else the plan, else nothing."""
+    """Name the subject: "flight", else "plan", else None."""
     if session.flight is not None and len(session.flight.steps) > 1:
         return "flight"
     return "plan" if session.plan is not None and session.plan.latest is not None else None
 
 
 def find_outcome(session: Session) -> PlanOutcome | EpisodeOutcome | None:
-    """How what would be exported ended; None while it goes on, or where there is nothing."""
+    """Look up the outcome of the subject; None while it goes on, or without a subject."""
     name = name_subject(session)
     if name == "flight" and session.flight is not None:
         return session.flight.outcome
@@ -22,7 +22,7 @@ def find_outcome(session: Session) -> PlanOutcome | EpisodeOutcome | None:
 
 
 def make_recording(session: Session) -> Recording | None:
-    """The flight or the plan, as formats take it."""
+    """Convert the flight or the plan to the record that formats take."""
     place = session.place
     if place is None:
         return None
@@ -30,13 +30,13 @@ def make_recording(session: Session) -> Recording | None:
     if session.flight is not None and len(session.flight.steps) > 1:
         return Recording.of_flight(session.flight.steps, place.robot, title, session.surface)
     if session.plan is not None and session.plan.latest is not None:
-        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.latest.outcome)
+        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.outcome)
     return None
 
 
 def name_download(session: Session, format: str) -> str:
-    """What a download is called."""
+    """Name the file of a download."""
     place = session.place.name if session.place is not None else "nerfnav"
     ending = FORMATS[format].ending
-    told = "" if format == ending else f"-{format}"
-    return f"{place}-{name_subject(session)}{told}.{ending}"
+    suffix = "" if format == ending else f"-{format}"
+    return f"{place}-{name_subject(session)}{suffix}.{ending}"

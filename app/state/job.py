@@ -1,41 +1,40 @@
 """Job: work that is wanted of the worker, and the files that it makes for tabs of the page.
 
-A tab wishes for a map or a trajectory as a file; a job makes it, and the tab that asked gets the download.
+A tab requests a map or a trajectory as a file; a job makes it, and the tab downloads it.
 """
-
 
 from dataclasses import dataclass, field
 from enum import Enum
 
 from nerfnav_app.places.ends import Ends
-from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.tracks import StartTrack
 
 
 @dataclass(frozen=True)
 class MapDownload:
-    """A map of the place that somebody wants to take away."""
+    """Request a map of the place as a file."""
 
     ending: str
-    """Of the file, which says what kind of map: a key of `nerfnav.export.occupancy_map.ENDINGS`."""
+    """Suffix of the file, which sets the kind of map: a key of `nerfnav.export.occupancy_map.ENDINGS`."""
     client: int
-    """The tab that asks."""
+    """The tab that requests it."""
 
 
 @dataclass(frozen=True)
 class TrajectoryDownload:
-    """What a vehicle is to fly, as a file that somebody wants to take away."""
+    """Request a trajectory for a vehicle as a file; it is checked for safety first."""
 
     format: str
     """Name of the format."""
     client: int
-    """The tab that asks."""
+    """The tab that requests it."""
     force: bool = False
-    """Whether to have it also where it should not be flown."""
+    """Make it also where it is not safe."""
 
 
 DownloadRequest = MapDownload | TrajectoryDownload
-"""What is made for one tab."""
+"""A file that is made for one tab."""
 
 
 @dataclass(frozen=True)
@@ -43,32 +42,15 @@ class Download:
     """A file for one tab."""
 
     id: int
-    """That of the job which made it: it is sent once."""
+    """Id of the job that made it: it is sent once."""
     client: int
-    """The tab that asked."""
+    """The tab that requested it."""
     name: str
     content: bytes = field(repr=False)
 
 
-@dataclass(frozen=True)
-class TakeMap:
-    """Make a map of the place and send it to the tab that asks."""
-
-    wish: MapDownload
-
-
-@dataclass(frozen=True)
-class TakeTrajectory:
-    """Make the file for a vehicle, once it is judged, and send it to the tab that asks."""
-
-    wish: TrajectoryDownload
-
-
-DownloadAction = TakeMap | TakeTrajectory
-
-
 class JobKind(Enum):
-    """What the worker can be asked for; the value is a verb for the user."""
+    """Kinds of work; the names are stored, the values too."""
 
     OPEN = "open"
     PLAN = "plan"
@@ -81,50 +63,54 @@ class JobKind(Enum):
     PLACE = "put the place right"
     TRACK = "track the camera"
 
+    @property
+    def verb(self) -> str:
+        """Name the work for the user, as in "Could not plan"."""
+        plain = {JobKind.EXPERIMENT: "run the experiment", JobKind.PLACE: "align the place"}
+        return plain.get(self, self.value)
+
 
 @dataclass(frozen=True)
 class Job:
-    """Work that is wanted of the worker, until the session wants other work or none."""
+    """Work of the worker, until the session wants other work or none."""
 
     id: int
-    """Unique in a session: tells late reports of a cancelled job from those of the next."""
+    """Unique in a session: separates late reports of a cancelled job from those of the next."""
     kind: JobKind
-    """What to do."""
     ends: Ends = field(default_factory=Ends)
-    """Between which start and goal."""
+    """Start and goal."""
     first_plan: PlanRecord | None = None
-    """For a flight: a finished plan between these ends, to begin with."""
+    """For a flight: a finished plan between these ends to begin with."""
     anyway: bool = False
-    """For a flight: whether it is wanted though its plan is not safe."""
+    """For a flight: fly although its plan is unsafe."""
     plan_after: bool = False
-    """For a place that is being opened: whether the way is to be planned as soon as that can be."""
+    """For a place that is being opened: plan as soon as it can be seen."""
     fly_after: bool = False
-    """For a plan: whether it is to be flown, if it is good."""
+    """For a plan: fly it afterwards, if it is safe."""
     label: str = ""
-    """What is being done, for the user."""
+    """Description of the work in progress, for the user."""
     fraction: float | None = None
     """0 to 1; None while unknown."""
     left_s: float | None = None
-    """About how long it will still take [s]; None while unknown."""
+    """Estimated time left [s]; None while unknown."""
     paused: bool = False
-    """Whether to hold once the flight has reported `allowed_steps` time steps."""
+    """Hold once the flight has reported `allowed_steps` time steps."""
     allowed_steps: int = 0
-    """How far a paused flight may go; it holds at once where it has gone that far."""
+    """Time steps that a paused flight may take in all."""
     pace: float = 0.0
-    """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
+    """Speed of a flight as a multiple of real time; 0: as fast as it is computed."""
     gusts: int = 0
-    """How many gusts a flight was asked to endure so far."""
+    """Gusts that were requested so far."""
     kidnaps: int = 0
-    """How many times its robot was to be carried away."""
+    """Kidnaps that were requested so far."""
     searches: int = 0
-    """How many times it was asked to look for the robot everywhere."""
-    wish: DownloadRequest | None = None
-    """The file that is to be made."""
+    """Global localizations that were requested so far."""
+    request: DownloadRequest | None = None
+    """The file to make."""
     track: StartTrack | None = None
-    """What is to be tracked."""
+    """The camera to track."""
 
     @property
     def runs_unpaced(self) -> bool:
-        """Whether it is a flight that goes on as fast as it is computed: its next step waits for nobody, and nobody can
-        follow all that it tells."""
+        """True for a flight that runs as fast as it is computed: faster than the page can show each step."""
         return self.kind is JobKind.FLY and not self.paused and self.pace <= 0

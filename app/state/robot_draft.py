@@ -1,4 +1,4 @@
-"""Draft of a robot: its numbers as a person reads and changes them, each with its unit, and the actions on them."""
+"""Draft of a robot: its numbers as the user reads and edits them, each with its unit, and the commands on them."""
 
 import math
 from dataclasses import dataclass
@@ -11,49 +11,50 @@ from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, Kind, RobotFil
 
 _DEGREES = math.degrees(1)
 _CALIBRATED = ("width", "height", "fov")
-"""Of a camera with a calibration these are in that file."""
+"""Numbers of a camera that its calibration file holds, where it has one."""
 
 
 @dataclass(frozen=True)
 class EditRobot:
-    """Change one thing of what describes the robot, without taking it yet; others may be changed at the same time."""
+    """Edit one entry of the robot's file without using it yet; other entries keep their edits."""
 
     chosen: RobotFile
-    """The robot without any changes."""
+    """The robot without any edits."""
     part: str
-    """`limits`, `camera`, `inertia`, `position` (of the camera) or `kind`; empty: what is changed stands at the top."""
+    """`limits`, `camera`, `inertia`, `position` (of the camera) or `kind`; empty: the top level of the file."""
     name: str
     value: Any
-    """In the file's own unit; of a kind, a robot of it, whose mass, inertia and limits are taken."""
+    """In the unit of the file; for a kind, a robot of that kind, whose mass, inertia and limits are copied."""
 
     def of(self, draft: RobotFile | None) -> RobotFile:
-        """The robot with this change besides those that were made before."""
-        told = self.chosen if draft is None else draft
+        """Apply the edit to the draft, or to the chosen robot without a draft."""
+        robot = self.chosen if draft is None else draft
         if self.part == "limits":
-            return msgspec.structs.replace(told, limits={**told.limits, self.name: self.value})
+            return msgspec.structs.replace(robot, limits={**robot.limits, self.name: self.value})
         if self.part == "kind":
             moved = {name: getattr(self.value, name) for name in ("kind", "mass", "inertia", "limits")}
-            return msgspec.structs.replace(told, **moved)
+            return msgspec.structs.replace(robot, **moved)
         if self.part == "camera":
-            assert told.camera is not None, "only numbers that there are are changed"
-            return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, **{self.name: self.value}))
+            assert robot.camera is not None, "only existing numbers are edited"
+            camera = msgspec.structs.replace(robot.camera, **{self.name: self.value})
+            return msgspec.structs.replace(robot, camera=camera)
         if self.part == "inertia":
-            assert told.inertia is not None, "only numbers that there are are changed"
-            return msgspec.structs.replace(told, inertia=self._along(told.inertia))
+            assert robot.inertia is not None, "only existing numbers are edited"
+            return msgspec.structs.replace(robot, inertia=self._along(robot.inertia))
         if self.part == "position":
-            assert told.camera is not None, "only numbers that there are are changed"
-            at = self._along(told.camera.position)
-            return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, position=at))
-        return msgspec.structs.replace(told, **{self.name: self.value})
+            assert robot.camera is not None, "only existing numbers are edited"
+            at = self._along(robot.camera.position)
+            return msgspec.structs.replace(robot, camera=msgspec.structs.replace(robot.camera, position=at))
+        return msgspec.structs.replace(robot, **{self.name: self.value})
 
     def _along(self, before: tuple[float, float, float]) -> tuple[float, ...]:
-        """Three numbers with the one of the changed axis."""
+        """Replace the number of the edited axis."""
         return tuple(self.value if axis == self.name else old for axis, old in zip("xyz", before, strict=True))
 
 
 @dataclass(frozen=True)
-class ForgetEdits:
-    """Forget the changes of the robot that are not taken."""
+class DiscardEdits:
+    """Discard the edits of the robot that are not applied."""
 
 
 @dataclass(frozen=True)
@@ -61,88 +62,88 @@ class RobotNumber:
     """One number of a robot's file."""
 
     part: str
-    """Where it stands: `limits`, `camera`, or `inertia` and `position` (of the camera), of which it is one axis; empty:
-    at the top."""
+    """`limits`, `camera`, or `inertia` and `position` (of the camera), of which it is one axis; empty: the top level of
+    the file."""
     name: str
     label: str
-    """What people read, with the unit."""
+    """Its label, with the unit."""
     scale: float = 1.0
-    """How many of that unit the file's own unit is."""
+    """Factor from the file's unit to that of the label."""
     step: float = 0.01
-    """How finely it is shown and typed."""
+    """Resolution of the widget."""
 
-    def of(self, told: RobotFile) -> float | None:
-        """Its value in people's unit; None where such a robot has none."""
+    def of(self, robot: RobotFile) -> float | None:
+        """Read its value in the label's unit; None where such a robot has none."""
         if self.part == "limits":
-            value = told.limits.get(self.name) if self.name in LIMITS[told.kind] else None
+            value = robot.limits.get(self.name) if self.name in LIMITS[robot.kind] else None
         elif self.part == "camera":
-            value = None if told.camera is None else getattr(told.camera, self.name)
-            if self.name in _CALIBRATED and told.camera is not None and told.camera.file is not None:
+            value = None if robot.camera is None else getattr(robot.camera, self.name)
+            if self.name in _CALIBRATED and robot.camera is not None and robot.camera.file is not None:
                 value = None
         elif self.part in ("inertia", "position"):
-            where = told.inertia if self.part == "inertia" else told.camera and told.camera.position
+            where = robot.inertia if self.part == "inertia" else robot.camera and robot.camera.position
             value = None if where is None else where["xyz".index(self.name)]
         else:
-            value = getattr(told, self.name) if told.kind in WITH_MASS else None
+            value = getattr(robot, self.name) if robot.kind in WITH_MASS else None
         return None if value is None else round(self.scale * value, 6)
 
     def edit(self, chosen: RobotFile, value: float) -> EditRobot:
-        """The change of this number of a robot to another value, in people's unit."""
+        """Build the edit that sets it to a value in the label's unit."""
         return EditRobot(chosen, self.part, self.name, round(value) if self.step == 1 else value / self.scale)
 
 
 NUMBERS = (
     RobotNumber("", "mass", "Mass [kg]", step=0.001),
     *(RobotNumber("inertia", axis, f"Inertia about {axis} [g m²]", 1e3, step=0.0001) for axis in "xyz"),
-    RobotNumber("limits", "thrust", "Most thrust [N]"),
-    RobotNumber("limits", "tilt", "Most tilt [°]", _DEGREES, step=0.1),
-    RobotNumber("limits", "speed", "Most speed [m/s]"),
-    RobotNumber("limits", "body_rate", "Most body rate [°/s]", _DEGREES, step=0.1),
-    RobotNumber("limits", "angular_acceleration", "Angular acceleration [rad/s²]"),
-    RobotNumber("limits", "force", "Most force [N]"),
-    RobotNumber("limits", "acceleration", "Most acceleration [m/s²]"),
-    RobotNumber("limits", "yaw_rate", "Most yaw rate [°/s]", _DEGREES, step=0.1),
-    RobotNumber("limits", "yaw_acceleration", "Most yaw acceleration [rad/s²]"),
+    RobotNumber("limits", "thrust", "Max. thrust [N]"),
+    RobotNumber("limits", "tilt", "Max. tilt [°]", _DEGREES, step=0.1),
+    RobotNumber("limits", "speed", "Max. speed [m/s]"),
+    RobotNumber("limits", "body_rate", "Max. body rate [°/s]", _DEGREES, step=0.1),
+    RobotNumber("limits", "angular_acceleration", "Max. angular acceleration [rad/s²]"),
+    RobotNumber("limits", "force", "Max. force [N]"),
+    RobotNumber("limits", "acceleration", "Max. acceleration [m/s²]"),
+    RobotNumber("limits", "yaw_rate", "Max. yaw rate [°/s]", _DEGREES, step=0.1),
+    RobotNumber("limits", "yaw_acceleration", "Max. yaw acceleration [rad/s²]"),
     RobotNumber("camera", "width", "Picture width [pixels]", step=1),
     RobotNumber("camera", "height", "Picture height [pixels]", step=1),
     RobotNumber("camera", "fov", "Field of view [°]"),
     *(
-        RobotNumber("position", axis, f"Camera {where} of the middle [m]", step=0.001)
-        for axis, where in (("x", "ahead"), ("y", "left"), ("z", "above"))
+        RobotNumber("position", axis, f"Camera {axis}, {direction} [m]", step=0.001)
+        for axis, direction in (("x", "forward"), ("y", "left"), ("z", "up"))
     ),
-    RobotNumber("camera", "pitch", "Camera down [°]", _DEGREES, step=0.1),
+    RobotNumber("camera", "pitch", "Camera pitch, down [°]", _DEGREES, step=0.1),
 )
-"""What a person may change, in the order of the page."""
+"""Numbers that can be edited, in the order of the page."""
 
 
 KINDS: dict[Kind, str] = {
     "quadrotor": "quadrotor",
     "couch": "omnidirectional (couch)",
     "diffdrive": "two wheels (diffdrive)",
-    "handheld": "carried by hand",
+    "handheld": "handheld camera",
 }
-"""How a robot may move, as a file and as a person says it."""
+"""Kinds of robots in the file, and their labels."""
 
 
 def edit_kind(chosen: RobotFile, draft: RobotFile | None, kind: Kind, folder: Path) -> EditRobot:
-    """The change to another kind, with what that needs; back to the kind of `chosen`, as it was there.
+    """Build the edit to another kind, with the mass, inertia and limits that it needs; its own kind restores `chosen`.
 
-    `folder` is where meshes lie. Raises InvalidInputError where there can be no such robot.
+    `folder` holds the meshes. Raises InvalidInputError for an impossible robot.
     """
-    told = chosen if draft is None else draft
-    return EditRobot(chosen, "kind", kind, chosen if kind == chosen.kind else change_kind(told, kind, folder))
+    robot = chosen if draft is None else draft
+    return EditRobot(chosen, "kind", kind, chosen if kind == chosen.kind else change_kind(robot, kind, folder))
 
 
 def name_shape(body: BodyFile) -> str:
-    """What a body is made of: the name of its field."""
+    """Name the shape of a body: the field of its file that is set."""
     return next(name for name in ("box", "cylinder", "spheres", "mesh", "urdf") if getattr(body, name) is not None)
 
 
 def box_of(body: BodyFile, edges: tuple[float, float, float]) -> BodyFile:
-    """A box of these edges [m] in place of a body; its points are as far apart as suits it."""
+    """Replace a body by a box with these edges [m]; its collision points keep their spacing."""
     return BodyFile(box=edges, spacing=body.spacing)
 
 
 def make_cylinder(body: BodyFile, radius: float, height: float) -> BodyFile:
-    """An upright cylinder [m] in place of a body."""
+    """Replace a body by an upright cylinder [m]."""
     return BodyFile(cylinder=Cylinder(radius, height), spacing=body.spacing)

@@ -1,16 +1,15 @@
-"""Stored runs in the session, and the timeline: the time at which the shown flight or track is looked at.
-
-The actions are those of a person on stored runs and on the timeline.
-"""
-
+"""Stored results: runs with the timeline of the shown flight or track, and experiments, with the commands on them."""
 
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from typing import TypeVar, cast
 
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.tracks import TrackRecord
 from nerfnav_app.storage.run_metadata import StoredRun
+
+MOST_TRIALS = 100
+"""Limit of the page; the command line has none."""
 
 
 @dataclass(frozen=True)
@@ -20,21 +19,21 @@ class ListRuns:
 
 @dataclass(frozen=True)
 class OpenRun:
-    """Show a stored run, in its place."""
+    """Show a stored run in its place."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class CompareRun:
-    """Show a second flight beside the first; None: no second one any more."""
+    """Show a second flight beside the first; None ends the comparison."""
 
     name: str | None
 
 
 @dataclass(frozen=True)
 class RenameRun:
-    """Give a stored run another name."""
+    """Rename a stored run."""
 
     name: str
     to: str
@@ -52,12 +51,12 @@ class Scrub:
     """Show the flight at a time step."""
 
     at: float
-    """What a browser sends: it may be anything."""
+    """As a browser sends it: any number."""
 
 
 @dataclass(frozen=True)
 class PlayBack:
-    """Let the timeline run, or hold it."""
+    """Start or stop the timeline."""
 
     on: bool
 
@@ -66,7 +65,7 @@ RunAction = ListRuns | OpenRun | CompareRun | RenameRun | DeleteRun | Scrub | Pl
 
 
 TimedRecord = FlightRecord | TrackRecord
-"""What a timeline goes along: at most one of them is on the page."""
+"""Record that a timeline goes along: at most one of them is on the page."""
 AnyTimedRecord = TypeVar("AnyTimedRecord", bound=FlightRecord | TrackRecord)
 
 
@@ -80,18 +79,18 @@ class StoredFlight:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A stored run that a person wants to see."""
+    """A stored run that the user wants to see."""
 
     id: int
     """Unique in a session."""
     name: str
     compare: bool = False
-    """Whether to show it beside the flight that is shown."""
+    """Show it beside the flight that is shown."""
 
 
 @dataclass(frozen=True)
 class RunChange:
-    """A stored run that is to be renamed or deleted, once."""
+    """A stored run to rename or delete, once."""
 
     id: int
     """Unique in a session."""
@@ -101,20 +100,20 @@ class RunChange:
 
     @property
     def verb(self) -> str:
-        """What is done, for the user."""
+        """Name the change for the user."""
         return "delete" if self.to is None else "rename"
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """Which time step of a flight, or frame of a track, is shown."""
+    """Time step of a flight, or frame of a track, that the page shows."""
 
     flight: TimedRecord | None = None
-    """The flight or track that it belongs to; for any other it says nothing."""
+    """The flight or track that it belongs to; it does not apply to any other."""
     part: TimedRecord | None = None
     """The same up to the time that is shown."""
     elapsed_s: float = 0.0
-    """Where it is while it runs [s]."""
+    """Its position while it runs [s]."""
     playing: bool = False
 
     @property
@@ -123,17 +122,17 @@ class Timeline:
         return len(self.part.steps) - 1 if self.part is not None else 0
 
     def moved(self, flight: TimedRecord, at: float) -> "Timeline":
-        """At the time step nearest to `at`, held."""
+        """Move to the time step nearest to `at`, and stop there."""
         step = min(max(round(at), 0), len(flight.steps) - 1)
         return Timeline(flight, flight.cut(step), flight.times[step])
 
     def started(self, flight: TimedRecord) -> "Timeline":
-        """Running; from the start where it was at the end, or showed another flight."""
+        """Start it; from the first step where it was at the end, or showed another flight."""
         here = self if self.flight is flight and self.at < len(flight.steps) - 1 else self.moved(flight, 0)
         return replace(here, playing=True)
 
     def rolled(self, seconds: float) -> "Timeline":
-        """After some time."""
+        """Advance it by some time [s]."""
         if not self.playing or self.flight is None:
             return self
         times, elapsed = self.flight.times, self.elapsed_s + seconds
@@ -144,18 +143,18 @@ class Timeline:
 
 @dataclass(frozen=True)
 class Runs:
-    """Which runs are stored, and what of them is shown."""
+    """Stored runs, and those of them that are shown."""
 
     entries: tuple[StoredRun, ...] = ()
     """The newest first."""
     listed: tuple[int, ...] | None = None
-    """As of when."""
+    """State of the session for which they were listed."""
     wanted: tuple[RunRequest, ...] = ()
-    """Runs that are asked for and not read yet."""
+    """Requested runs that are not read yet."""
     changes: tuple[RunChange, ...] = ()
-    """What is to be renamed and deleted, and is not yet."""
+    """Requested changes that are not made yet."""
     asked: int = 0
-    """How many requests and changes there were."""
+    """Number of requests and changes so far."""
     opened: StoredFlight | None = None
     """The run that was opened last; it is shown while the session's flight is its record."""
     compared: StoredFlight | None = None
@@ -163,25 +162,77 @@ class Runs:
     timeline: Timeline = field(default_factory=Timeline)
 
     def wanting(self, name: str, compare: bool = False) -> "Runs":
-        """With one more request."""
+        """Add a request for a run."""
         request = RunRequest(self.asked, name, compare)
         return replace(self, wanted=(*self.wanted, request), asked=self.asked + 1)
 
     def changing(self, name: str, to: str | None) -> "Runs":
-        """With one more change."""
+        """Add a change of a run."""
         change = RunChange(self.asked, name, to)
         return replace(self, changes=(*self.changes, change), asked=self.asked + 1)
 
     def elsewhere(self) -> "Runs":
-        """In another place."""
+        """Close the shown runs: another place is being opened."""
         return replace(self, opened=None, compared=None, timeline=Timeline())
 
     def entry(self, name: str) -> StoredRun | None:
-        """The run of that name, if there is one."""
+        """Find the run of that name, if there is one."""
         return next((entry for entry in self.entries if entry.name == name), None)
 
     def shown(self, record: AnyTimedRecord | None) -> AnyTimedRecord | None:
-        """As much of a flight or track as the timeline shows."""
+        """Cut a flight or track at the time that the timeline shows."""
         if record is None or self.timeline.flight is not record:
             return record
         return cast("AnyTimedRecord | None", self.timeline.part)
+
+
+@dataclass(frozen=True)
+class StartExperiment:
+    """Run an experiment with some trials."""
+
+    name: str
+    """Name of the experiment."""
+    trials: int
+    """Number of trials."""
+
+
+@dataclass(frozen=True)
+class ShowResult:
+    """Show the results of an experiment."""
+
+    name: str
+    """Of the folder."""
+
+
+@dataclass(frozen=True)
+class ListExperiments:
+    """List experiments and their results."""
+
+
+ExperimentAction = StartExperiment | ShowResult | ListExperiments
+
+
+@dataclass(frozen=True)
+class ExperimentState:
+    """Experiments of a session."""
+
+    asked: StartExperiment | None = None
+    """The last that was started."""
+    stamp: int = 0
+    """Rises when there may be new results; 0 until the page asks for them."""
+    show: str | None = None
+    """Folder of the results that are shown."""
+
+    def commanded(self, action: ExperimentAction) -> "ExperimentState":
+        """Apply an action of the user."""
+        match action:
+            case StartExperiment():
+                return replace(self, asked=action)
+            case ShowResult(name):
+                return replace(self, show=name)
+            case ListExperiments():
+                return replace(self, stamp=self.stamp + 1)
+
+    def ended(self, folder: str) -> "ExperimentState":
+        """Show the results of an experiment that has ended, in `folder`."""
+        return replace(self, stamp=self.stamp + 1, show=folder)

@@ -1,4 +1,4 @@
-"""Camera tracks: the track of a camera as far as it has come, and a person's actions on it."""
+"""Camera tracks: the track of a camera as far as it has come, and the commands on it."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,35 +14,35 @@ _QUALITY = 85
 
 @dataclass(frozen=True)
 class StartTrack:
-    """Follow the camera that took the pictures of a file."""
+    """Track the camera that took the pictures of a file."""
 
     source: Path
     """Video, or folder of pictures."""
     name: str
-    """What the user calls it."""
+    """Its name for the user."""
     fps: float | None = None
-    """Pictures in a second, where they tell no times."""
+    """Pictures per second, where they carry no times."""
     fov_deg: float | None = None
-    """Horizontal field of view [degrees]; None: what the place or the pictures say."""
+    """Horizontal field of view [degrees]; None: as the place or the pictures have it."""
 
 
 @dataclass(frozen=True)
-class ForgetTrack:
-    """Take the track off the page."""
+class RemoveTrack:
+    """Remove the track from the page."""
 
 
-TrackAction = StartTrack | ForgetTrack
+TrackAction = StartTrack | RemoveTrack
 
 
 @dataclass(frozen=True)
-class TrackedFrame:
-    """A picture and where its camera was."""
+class FrameRecord:
+    """A picture and the tracked pose of its camera."""
 
     tracked: TrackedFrame
     seen: bytes = field(repr=False)
     """The picture, as a JPEG file."""
     shown: bytes | None = field(repr=False)
-    """What the field shows from there, likewise; None where nobody knows where that is."""
+    """The field rendered from that pose, likewise; None where the pose is unknown."""
 
     @property
     def time(self) -> float:
@@ -55,11 +55,11 @@ class TrackRecord:
     """A track as far as it has come."""
 
     name: str
-    """What was tracked."""
-    steps: tuple[TrackedFrame, ...] = ()
+    """Name of what was tracked."""
+    steps: tuple[FrameRecord, ...] = ()
     """Its frames so far."""
     summary: dict[str, Any] = field(default_factory=dict)
-    """The job's numbers, once it has finished."""
+    """Figures of the job, once it has finished."""
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -68,21 +68,21 @@ class TrackRecord:
 
     @property
     def tick(self) -> float:
-        """What times are told to [s]."""
+        """Resolution of its times [s]."""
         return 0.01
 
     @property
     def track(self) -> tuple[TrackedFrame, ...]:
-        """Its frames without their pictures."""
+        """Return its frames without their pictures."""
         return tuple(step.tracked for step in self.steps)
 
     def cut(self, at: int) -> "TrackRecord":
-        """Up to frame `at`."""
+        """Return the track up to frame `at`."""
         return replace(self, steps=self.steps[: at + 1])
 
     def with_frame(self, event: FrameTracked) -> "TrackRecord":
-        """With one more frame."""
+        """Add a frame that was tracked."""
         assert event.seen is not None, "the page shows what it tracks"
         shown = None if event.shown is None else encode_image(event.shown.numpy(), _QUALITY)
-        frame = TrackedFrame(event.tracked, encode_image(event.seen.numpy(), _QUALITY), shown)
+        frame = FrameRecord(event.tracked, encode_image(event.seen.numpy(), _QUALITY), shown)
         return replace(self, steps=(*self.steps, frame))

@@ -1,18 +1,18 @@
-"""View: what the page draws of the place and of a flight, one choice for all users, and the camera of each tab.
+"""View state: what the page draws of the place, one choice for all users, and the camera of each browser tab.
 
-Its actions come from the tabs of browsers: a camera has moved, it rests, a tab was closed. Imports nothing slow: a
-surface that was kept is shown while all else is being imported.
+Its actions come from browser tabs: a camera moved, it rests, a tab was closed. Imports nothing slow: a stored surface
+is shown while all else is being imported.
 """
 
-
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from nerfnav_app.places.vantage import View
 
 
 class Backdrop(Enum):
-    """What stands for the field; the value is what the user reads."""
+    """Representation of the field; the value is the user's option."""
 
     SURFACE = "surface"
     RENDER = "the field itself"
@@ -21,7 +21,7 @@ class Backdrop(Enum):
 
 
 class CameraMode(Enum):
-    """From where the scene is seen; the value is what the user reads."""
+    """Camera of the scene; the value is the user's option."""
 
     FREE = "free"
     CHASE = "behind the robot"
@@ -31,33 +31,33 @@ class CameraMode(Enum):
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """What is drawn."""
+    """Settings of the view, the same in all tabs."""
 
     backdrop: Backdrop = Backdrop.SURFACE
-    """What stands for the field."""
+    """Representation of the field."""
     opacity: float = 1.0
     """Of the surface, 0 to 1."""
     clip: float = 1.0
     """Share of the place's height up to which the surface is drawn."""
     truth: bool = False
-    """Whether the ground-truth mesh is drawn too."""
+    """Draw the ground-truth mesh too."""
     occupied: bool = False
-    """Whether voxels are drawn in which the robot does not fit."""
+    """Draw voxels in which the robot does not fit."""
     unknown: bool = False
-    """Whether space is drawn that no camera ever saw."""
+    """Draw space that no camera saw."""
     slice: float | None = None
     """Share of the place's height at which a slice through the density is drawn; None draws none."""
     camera: CameraMode = CameraMode.FREE
-    """From where the scene is seen."""
+    """Camera of the scene."""
     light: bool = False
-    """Whether the panels are light."""
+    """Draw light panels."""
     clearance: bool = False
-    """Whether the plan's line has the colours of its clearance."""
+    """Colour the plan's line by its clearance."""
     ellipsoid: float = 1.0
-    """How much larger than the 95 % region covariance ellipsoids and attitude cones are drawn."""
+    """Scale of covariance ellipsoids and attitude cones; 1 draws the 95 % region."""
 
-    def where(self, splats: bool) -> "ViewSettings":
-        """The look at a place that opens: its splats, where it was made of some, until something else is asked for."""
+    def for_place(self, splats: bool) -> "ViewSettings":
+        """Adapt the backdrop to a place that opens: its splats, where it has some, until the user chooses another."""
         if splats:
             return replace(self, backdrop=Backdrop.SPLATS)
         return replace(self, backdrop=Backdrop.SURFACE) if self.backdrop is Backdrop.SPLATS else self
@@ -65,7 +65,7 @@ class ViewSettings:
 
 @dataclass(frozen=True)
 class Eye:
-    """Camera of a tab: from where it looks at the page's scene."""
+    """Camera of a tab in the page's scene."""
 
     position: tuple[float, float, float]
     """In the world [m]."""
@@ -78,7 +78,7 @@ class Eye:
 
     @property
     def is_sound(self) -> bool:
-        """Whether a picture can be rendered for it: a page that is folded away is a line without height."""
+        """True where a picture can be rendered for it: a page that is folded away is a line without height."""
         return 0.01 < self.fov < 3.1 and 0.05 < self.aspect < 20
 
 
@@ -87,22 +87,40 @@ class CameraMoved:
     """The camera of a tab has moved."""
 
     client: int
-    """Which tab."""
+    """The tab."""
     eye: Eye
 
 
 @dataclass(frozen=True)
 class CameraRested:
-    """Somebody has turned the camera, and let it rest."""
+    """A user has turned the camera, and it rests."""
 
     view: View
 
 
 @dataclass(frozen=True)
 class TabClosed:
-    """A tab was closed."""
+    """A browser tab was closed."""
 
     client: int
 
 
 TabAction = CameraMoved | CameraRested | TabClosed
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewState:
+    """The view of the place: part of a Session."""
+
+    view_settings: ViewSettings = field(default_factory=ViewSettings)
+    """Settings of the view."""
+    surface: bytes | None = None
+    """The field's surface as binary glTF; None while it is being extracted."""
+    surface_is_rough: bool = False
+    """True until a texture is made for it."""
+    view: View | None = None
+    """Camera pose that sees both ends; None until it is computed: then all of the place is seen."""
+    viewed: View | None = None
+    """Camera pose that a user chose last; None until the camera was turned."""
+    eyes: Mapping[int, Eye] = field(default_factory=dict)
+    """Camera of each tab, while the page needs it."""

@@ -1,4 +1,4 @@
-"""Store of experiments: runs/experiments, one folder for each time that an experiment was done."""
+"""Store of experiments: names, lists and reads the folders in runs/experiments to which experiments write results."""
 
 import json
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ _MOST_FIGURES = 4
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """What came of an experiment."""
+    """Results of an experiment."""
 
     name: str
     """Of its folder."""

@@ -20,7 +20,7 @@ _SAME_M = 1e-3
 
 @dataclass(frozen=True)
 class RunMetadata:
-    """Where, what and how was flown, and how it ended."""
+    """Metadata of a flight: place, robot, settings and outcome."""
 
     place: str
     """Name of the place."""
@@ -48,7 +48,7 @@ class RunMetadata:
     """The numbers of the flight, as `nerfnav fly --json` prints them."""
 
     def save(self, folder: Path) -> Path:
-        """Write run.json."""
+        """Write the metadata to run.json."""
         return write_text(folder / FILE, json_line({"format": FORMAT, "version": VERSION, **asdict(self)}) + "\n")
 
     def with_goal(self, goal: End) -> "RunMetadata":
@@ -89,5 +89,5 @@ class StoredRun:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in one word."""
+        """Outcome, in one word."""
         return "flying" if self.flying else self.metadata.outcome or _INTERRUPTED

@@ -9,10 +9,9 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.navigation import NavigationStep
 from nerfnav_app.storage import run_metadata as about
-from nerfnav_app.storage.file_lock import is_locked
 from nerfnav_app.storage.output_files import OutputError, prepare_folder
 from nerfnav_app.storage.step_codec import FILE
-from nerfnav_app.storage.step_log import count_steps, read_steps
+from nerfnav_app.storage.step_log import count_steps, is_locked, read_steps
 
 VARIABLE = "NERFNAV_RUNS"
 """Environment variable that names the folder."""
@@ -74,7 +73,7 @@ class RunStore:
         return path
 
     def entry(self, name: str) -> about.StoredRun:
-        """What is known of a flight. Raises NerfnavError where that cannot be read."""
+        """Metadata and steps of a flight. Raises NerfnavError where that cannot be read."""
         path = self.path(name)
         return _entry(path) or about.StoredRun(name, about.RunMetadata.load(path), 0)
 
@@ -102,7 +101,7 @@ class RunStore:
             raise OutputError(f"{name} cannot be deleted: {error.strerror}") from error
 
     def _read(self, path: Path) -> about.StoredRun | None:
-        """What is known of a flight; what has ended is read only once."""
+        """Metadata of a flight; that of an ended flight is read only once."""
         try:
             stamp = (path / about.FILE).stat().st_mtime_ns
         except OSError:

@@ -4,7 +4,7 @@ steps.jsonl     index, time [s], action, truth and belief as 18 numbers (positio
                 rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late
 pictures/       the camera's picture of each step as JPEG
 
-Numbers have nine digits, which is every bit of a float32. What the filter compared is not kept.
+Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ _JPEG_QUALITY = 90
 
 
 def encode_step(step: NavigationStep) -> dict[str, Any]:
-    """What is written of a step; its picture is a file of its own."""
+    """Encode a step; its picture is a file of its own."""
     return {
         "index": step.index,
         "time": step.time,

@@ -3,7 +3,6 @@
 Each step is on disk at once: kill -9 costs at most one of them. app/storage/step_codec.py has the format.
 """
 
-
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -11,14 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from filelock import Timeout
+from filelock import BaseFileLock, FileLock, Timeout
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.robots import RigidState
 from nerfnav_app.places.ends import End
 from nerfnav_app.storage import run_metadata
-from nerfnav_app.storage.file_lock import lock_for
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.step_codec import FILE, PICTURES, decode_step, encode_step, keep_picture
 
@@ -127,3 +125,25 @@ def open_step_log(
         yield log
     finally:
         log.close()
+
+
+def lock_for(path: Path) -> BaseFileLock:
+    """The lock of a file that is written for a while, FILE.lock beside it, not taken yet.
+
+    Taking it raises filelock.Timeout, an OSError, at once where it is held.
+    """
+    return FileLock(path.with_name(f"{path.name}.lock"), blocking=False, thread_local=False)
+
+
+def is_locked(path: Path) -> bool:
+    """Check whether a process is writing a file; False too where its lock may not be opened."""
+    lock = lock_for(path)
+    if not Path(lock.lock_file).is_file():
+        return False
+    try:
+        with lock:
+            return False
+    except Timeout:
+        return True
+    except OSError:
+        return False

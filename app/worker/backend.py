@@ -1,9 +1,8 @@
 """Backend of the worker: begin jobs, answer queries of the page, change stored runs.
 
-Jobs are those that the command line runs too, requested by what the session wants. Experiments run in a process of
-their own; each georeferenced field has a folder of its own, until the app ends.
+Jobs are those of the command line, with the settings of the session. Experiments run in a process of their own; each
+georeferenced field has a folder of its own, until the app ends.
 """
-
 
 import tempfile
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from nerfnav.core.errors import NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig, planners
 from nerfnav_app.jobs.events import JobEvents
@@ -32,151 +31,69 @@ from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.actions import RunChanged
 from nerfnav_app.state.export_subject import make_recording, name_download
 from nerfnav_app.state.job import Job, JobKind, MapDownload, TrajectoryDownload
-from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.runs import RunChange, StartExperiment
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import StartTrack
 from nerfnav_app.storage.experiment_store import ExperimentStore
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.text import sentence
 from nerfnav_app.worker.operator_requests import SessionRequests
 
 
-class PlacedFiles:
-    """Fields of places that were put right; one can go back to all that were before."""
-
-    def __init__(self) -> None:
-        """Nothing is on disk before the first one."""
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-
-    def begin(self, session: Session, job: Job) -> JobEvents:
-        """The events of a job that puts the session's place right; it keeps its name."""
-        from nerfnav_app.jobs.field import georeference  # slow to import, and seldom needed
-
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
-        out = Path(self._folder.name) / str(job.id) / f"{Path(session.what).stem}.npz"
-        return georeference.run(georeference.PlaceRequest(session.what, session.placing.correction(), out))
-
-
-def begin_experiment(session: Session, runs: RunStore) -> JobEvents:
-    """The experiment that the session asks for; its results are kept beside the runs."""
-    asked = session.experiments.asked
-    assert asked is not None, "an experiment is begun by who says which"
-    out = ExperimentStore(runs.folder).new(asked.name)
-    return run_in_subprocess(partial(_do_experiment, asked.name, asked.trials, out))
-
-
-def _do_experiment(name: str, trials: int | None, out: Path) -> JobEvents:
-    # imported where it is done: with their figures, experiments take long to import
-    from nerfnav_app.jobs.measure import experiment
-
-    return experiment.run(experiment.ExperimentRequest(name, trials=trials, out=out))
-
-
 @dataclass
-class JobStarter:
-    """Begins the jobs of a session, and lets a flight know what the session wants of it."""
-
-    open: Callable[[str, QualityName], JobEvents] = opening.run
-    """The job that opens a place, and learns its field in some quality where there is none."""
-    plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
-    """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
-    navigate: NavigateConfig = field(default_factory=NavigateConfig)
-    """How a flight is flown; its noise is what the session has."""
-    runs: RunStore | None = field(default_factory=RunStore)
-    """Where flights are kept; None keeps none."""
-    _flight_orders: SessionRequests | None = None
-    _placed: PlacedFiles = field(default_factory=PlacedFiles)
-
-    def begin(self, session: Session, job: Job) -> JobEvents:
-        """The events of a job."""
-        if job.kind is JobKind.OPEN:
-            return self.open(session.what, session.quality)
-        place, settings = session.place, session.plan_settings
-        assert place is not None, "nothing but opening is asked for before the place is open"
-        if job.kind is JobKind.COMPARE:
-            requests = [plan_request(settings, job.ends, name, self.plans.get(name)) for name in planners.names()]
-            return compare_planners.run(requests, place)
-        if job.kind is JobKind.EXPERIMENT:
-            return begin_experiment(session, self.runs or RunStore())
-        if job.kind is JobKind.FIND:
-            picture = session.last_picture
-            assert picture is not None, "nothing is looked for without a picture"
-            return localize.find(place, picture)
-        if job.kind is JobKind.TRACK:
-            return _followed(place, job)
-        if job.kind is JobKind.PLACE:
-            return self._placed.begin(session, job)
-        if job.kind is JobKind.MAP:
-            assert isinstance(job.wish, MapDownload), "a map is made for who says which"
-            name = Path(f"{place.name}-map{job.wish.ending}")
-            return map_job.download(place.field, map_job.MapRequest(name))
-        if job.kind is JobKind.EXPORT:
-            return _export(session, job, place)
-        if job.kind is JobKind.PLAN:
-            name = session.choice.planner
-            return plan.run(plan_request(settings, job.ends, name, self.plans.get(name)), place)
-        self._flight_orders = SessionRequests(job, place)
-        return fly.run(self._flight(session, job, self._flight_orders), place)
-
-    def follow(self, session: Session) -> None:
-        """Let a flight know what the session wants of it now."""
-        if self._flight_orders is not None:
-            self._flight_orders.follow(session)
-
-    def _flight(self, session: Session, job: Job, orders: SessionRequests) -> FlyRequest:
-        """What the session wants to be flown, beginning with a plan that is there already."""
-        assert session.place is not None, "flights begin in a place"
-        name, flying = session.choice.planner, session.flight_settings
-        made = job.first_plan.latest if job.first_plan is not None else None
-        return FlyRequest(
-            plan_request(session.plan_settings, job.ends, name, self.plans.get(name)),
-            plan=None if made is None else made.motion,
-            cautious=made is None and not job.anyway,
-            estimator=session.choice.estimator,
-            open_loop=flying.open_loop,
-            seed=flying.seed,
-            world=flying.world,
-            realtime=flying.realtime,
-            config=replace(self.navigate, noise=flying.noise),
-            orders=orders.orders,
-            source=session.what,
-            task=session.task,
-            out=None if self.runs is None else self.runs.new(session.place.name),
-        )
-
-
-def _followed(place: Place, job: Job) -> JobEvents:
-    """The track of a camera through the place."""
-    # slow to import, and seldom needed
-    from nerfnav.tracking import SourceOptions
-    from nerfnav_app.jobs.track import track
-    from nerfnav_app.jobs.track.camera import GivenCamera
-    from nerfnav_app.jobs.track.camera_run import CameraRun
-
-    asked = job.track
-    assert asked is not None, "a track is begun by who says of what"
-    camera, options = GivenCamera(fov_deg=asked.fov_deg), SourceOptions(asked.fps)
-    return track.watch(place.field, CameraRun(asked.source, camera, options))
-
-
-def _export(session: Session, job: Job, place: Place) -> JobEvents:
-    """What a vehicle is to fly, judged in the place as planners see it."""
-    wish, made = job.wish, make_recording(session)
-    assert isinstance(wish, TrajectoryDownload) and made is not None, "there is something to take away, in some format"
-    seen = prepare_place(place, session.plan_settings.unknown)
-    return export.download(made.with_field(seen.field), wish.format, name_download(session, wish.format), wish.force)
-
-
-@dataclass
-class NavigationBackend(JobStarter):
+class NavigationBackend:
     """Opens places, plans and flies in them. Used by the worker's thread alone."""
 
+    open: Callable[[str, QualityName], JobEvents] = opening.run
+    """Job that opens a place, and trains its field in some quality where there is none."""
+    plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
+    """Settings of first plans by the planner's name; other planners use their own."""
+    navigate: NavigateConfig = field(default_factory=NavigateConfig)
+    """Configuration of flights, but for the noise, which is that of the session."""
+    runs: RunStore | None = field(default_factory=RunStore)
+    """Store of flights; None keeps none."""
+    _requests: SessionRequests | None = None
+    _georeferenced: tempfile.TemporaryDirectory[str] | None = None
+
+    def begin(self, session: Session, job: Job) -> JobEvents:
+        """Begin a job. Raises InvalidInputError where the session lacks what the job needs."""
+        place = session.place
+        if job.kind is JobKind.OPEN or place is None:
+            return self.open(session.what, session.quality)
+        match job.kind:
+            case JobKind.PLAN:
+                return plan.run(self._plan_request(session, job, session.choice.planner), place)
+            case JobKind.COMPARE:
+                routes = [self._plan_request(session, job, name) for name in planners.names()]
+                return compare_planners.run(routes, place)
+            case JobKind.FLY:
+                self._requests = SessionRequests(job, place)
+                return fly.run(self._fly_request(session, job, place, self._requests), place)
+            case JobKind.PLACE:
+                return self._georeference(session, job)
+            case JobKind.MAP if isinstance(job.request, MapDownload):
+                return map_job.download(place.field, map_job.MapRequest(Path(f"{place.name}-map{job.request.ending}")))
+            case JobKind.EXPORT if isinstance(job.request, TrajectoryDownload):
+                return _export(session, job.request, place)
+            case JobKind.FIND if (picture := session.last_picture) is not None:
+                return localize.find(place, picture)
+            case JobKind.EXPERIMENT if session.experiments.asked is not None:
+                return _begin_experiment(session.experiments.asked, self.runs or RunStore())
+            case JobKind.TRACK if job.track is not None:
+                return _track(place, job.track)
+        raise InvalidInputError(f"there is nothing to {job.kind.value} with")
+
+    def follow(self, session: Session) -> None:
+        """Pass the requests of the session on to the flight under way."""
+        if self._requests is not None:
+            self._requests.follow(session)
+
     def answer(self, place: Place, query: Query[Any]) -> Any:
-        """The result of a query of the page."""
+        """Answer a query of the page."""
         return query.answer(Resources(place, self.runs, self.plans))
 
     def change(self, change: RunChange) -> RunChanged:
-        """Rename or delete a stored run; where that fails, what is in the way."""
+        """Rename or delete a stored run; report the problem where that fails."""
         if self.runs is None:
             return RunChanged(change, "No runs are kept here.")
         try:
@@ -187,3 +104,69 @@ class NavigationBackend(JobStarter):
         except NerfnavError as error:
             return RunChanged(change, sentence(self.runs.without_folder(str(error))))
         return RunChanged(change)
+
+    def _plan_request(self, session: Session, job: Job, planner: str) -> plan.PlanRequest:
+        return plan_request(session.plan_settings, job.ends, planner, self.plans.get(planner))
+
+    def _fly_request(self, session: Session, job: Job, place: Place, requests: SessionRequests) -> FlyRequest:
+        """Request a flight by the settings of the session, with its plan as the first one."""
+        settings = session.flight_settings
+        made = job.first_plan.latest if job.first_plan is not None else None
+        return FlyRequest(
+            self._plan_request(session, job, session.choice.planner),
+            plan=None if made is None else made.motion,
+            cautious=made is None and not job.anyway,
+            estimator=session.choice.estimator,
+            open_loop=settings.open_loop,
+            seed=settings.seed,
+            world=settings.world,
+            realtime=settings.realtime,
+            config=replace(self.navigate, noise=settings.noise),
+            operator=requests.take,
+            source=session.what,
+            task=session.task,
+            out=None if self.runs is None else self.runs.new(place.name),
+        )
+
+    def _georeference(self, session: Session, job: Job) -> JobEvents:
+        """Georeference the place into a folder of its own, so that all fields before stay available; keep its name."""
+        from nerfnav_app.jobs.field import georeference  # slow to import, and seldom needed
+
+        if self._georeferenced is None:
+            self._georeferenced = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
+        out = Path(self._georeferenced.name) / str(job.id) / f"{Path(session.what).stem}.npz"
+        return georeference.run(georeference.PlaceRequest(session.what, session.alignment.request(), out))
+
+
+def _begin_experiment(experiment: StartExperiment, runs: RunStore) -> JobEvents:
+    """Begin an experiment, whose results are kept beside the runs."""
+    out = ExperimentStore(runs.folder).new(experiment.name)
+    return run_in_subprocess(partial(_run_experiment, experiment.name, experiment.trials, out))
+
+
+def _run_experiment(name: str, trials: int | None, out: Path) -> JobEvents:
+    from nerfnav_app.jobs.measure import experiment  # slow to import, with its figures
+
+    return experiment.run(experiment.ExperimentRequest(name, trials=trials, out=out))
+
+
+def _track(place: Place, request: StartTrack) -> JobEvents:
+    """Track a camera through the place."""
+    # slow to import, and seldom needed
+    from nerfnav.tracking import SourceOptions
+    from nerfnav_app.jobs.track import track
+    from nerfnav_app.jobs.track.camera import GivenCamera
+    from nerfnav_app.jobs.track.camera_run import CameraRun
+
+    camera, options = GivenCamera(fov_deg=request.fov_deg), SourceOptions(request.fps)
+    return track.watch(place.field, CameraRun(request.source, camera, options))
+
+
+def _export(session: Session, wish: TrajectoryDownload, place: Place) -> JobEvents:
+    """Export the flight or the plan, judged in the field that planners see."""
+    recording = make_recording(session)
+    if recording is None:
+        raise InvalidInputError("there is no plan or flight to export: plan first")
+    planned = prepare_place(place, session.plan_settings.unknown)
+    name = name_download(session, wish.format)
+    return export.download(recording.with_field(planned.field), wish.format, name, wish.force)

@@ -1,13 +1,13 @@
-"""Queries of the page that are not answered yet."""
+"""Open queries: those of the page that are not answered yet."""
 
 import logging
 import time
 from typing import Any
 
-from nerfnav.core.errors import NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.query import Query
-from nerfnav_app.state.actions import QueryAnswered, Tell
+from nerfnav_app.state.actions import Notify, QueryAnswered
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.running_job import describe_fault
 from nerfnav_app.worker.work import Work
@@ -18,7 +18,7 @@ _LONGEST_PAUSE_S = 0.5  # an answer may have waited for the compiler
 
 
 class OpenQueries:
-    """Gives each query of a session once, as long as the session asks it."""
+    """Takes each query of a session once, as long as the session asks it."""
 
     def __init__(self, work: Work) -> None:
         """`work` answers them."""
@@ -26,41 +26,42 @@ class OpenQueries:
         self._answered: set[Query[Any]] = set()
         self._last_answer = 0.0
         self._pauses: dict[type[Query[Any]], float] = {}
-        """Until when a busy worker answers no more queries of a kind [s]."""
+        """Time before which a busy worker answers no more queries of a kind [s]."""
 
     def follow(self, session: Session) -> None:
         """Forget the answers to what this session no longer asks."""
         self._answered.intersection_update(pending_queries(session))
 
     def next(self, session: Session, busy: bool) -> Query[Any] | None:
-        """A query that is not answered yet; while a job is `busy`, not too soon after the last one."""
+        """Find a query that is not answered yet; while a job is `busy`, not too soon after the last one."""
         if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
             return None
-        open_ = (query for query in pending_queries(session) if not (busy and self.rests(query)))
+        open_ = (query for query in pending_queries(session) if not (busy and self.is_resting(query)))
         return next((query for query in open_ if query not in self._answered), None)
 
-    def rests(self, query: Query[Any]) -> bool:
-        """Whether the last answer to a query of its kind took so long that a job goes on first."""
+    def is_resting(self, query: Query[Any]) -> bool:
+        """Check whether the last answer to a query of its kind took so long that a job goes on first."""
         return query.pause > 0 and time.monotonic() < self._pauses.get(type(query), 0.0)
 
     def take(self, session: Session, busy: bool) -> Query[Any] | None:
-        """The same, which counts as answered from now on."""
+        """Take the next query, which counts as answered from now on."""
         query = None if session.place is None else self.next(session, busy)
         if query is not None:
             self._answered.add(query)
         return query
 
-    def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Tell:
-        """The answer, or why there is none."""
-        assert session.place is not None, "queries are of a place"
+    def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Notify:
+        """Answer a query in the place of the session, or say why that fails."""
         began = time.monotonic()
         try:
+            if session.place is None:
+                raise InvalidInputError("no place is open")
             return QueryAnswered(query, self._work.answer(session.place, query))
         except NerfnavError as error:
-            return Tell("No answer", str(error), bad=True)
+            return Notify("No answer", str(error), bad=True)
         except Exception as error:
             _log.exception("answering %s failed", type(query).__name__)
-            return Tell("Something broke", describe_fault(error), bad=True)
+            return Notify("Something broke", describe_fault(error), bad=True)
         finally:
             self._last_answer = now = time.monotonic()
             self._pauses[type(query)] = now + min(query.pause * (now - began), _LONGEST_PAUSE_S)

@@ -15,18 +15,18 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.worker.work import Work
 
 _log = logging.getLogger(__name__)
-_ITERATION_S = 1 / 20  # in a flight, iterations that come sooner after what was told last are seen by nobody
+_ITERATION_S = 1 / 20  # in a flight, the page does not show iterations that follow the last report sooner
 
 
 class RunningJob:
-    """A job in progress."""
+    """Job in progress, with its pace."""
 
     def __init__(self, job: Job, work: Work, session: Session) -> None:
         self.id = job.id
         self._reached = Progress("", 0.0)
         self._name = job.kind.value
         self._ended = False
-        self._time_steps, self._told_at = 0, 0.0
+        self._time_steps, self._reported_at = 0, 0.0
         self._step_s, self._step_began, self._begun_at = 0.0, 0.0, 0.0
         self._between_steps = True
         self._events = self._begin(job, work, session)
@@ -36,33 +36,33 @@ class RunningJob:
         return (yield from work.begin(session, job))
 
     def may_go_on(self, job: Job) -> bool:
-        """Whether there is a next step, and the job is not held before it."""
+        """Check whether there is a next step, and the job is not held before it."""
         held = job.paused and self._time_steps >= job.allowed_steps
         return not self._ended and not held and self.rest_s(job) == 0
 
     def rest_s(self, job: Job) -> float:
-        """How long to wait before the next time step, so that a flight is not faster than its pace [s]."""
+        """Compute the wait before the next time step, so that a flight is not faster than its pace [s]."""
         if job.pace <= 0 or self._time_steps == 0:
             return 0.0
         return max(0.0, self._step_began + self._step_s / job.pace - time.monotonic())
 
     def next_event(self, meanwhile: Callable[[Progress], None]) -> Any:
-        """What the job yields next; its end, with what it returned, and its failures are events too.
+        """Advance the job to its next event; its end, with its result, and its failures are events too.
 
-        `meanwhile` is told where it waits for the compiler, which takes a minute, and where it goes on. Iterations of
-        filter and planner that follow each other faster than the page changes are passed over once a flight goes on:
-        each that is told takes the interpreter from the next one.
+        `meanwhile` gets a progress where the job waits for the compiler, which takes a minute, and where it goes on.
+        Iterations of filter and planner that follow each other faster than the page changes are skipped once a flight
+        is under way: a report of each would take the interpreter from the next one.
         """
 
-        def tell(compiles: bool) -> None:
+        def report(compiles: bool) -> None:
             meanwhile(replace(self._reached, label=COMPILING) if compiles else self._reached)
 
         if self._between_steps:
             self._begun_at, self._between_steps = time.monotonic(), False
         try:
-            with report_compilation(tell):
+            with report_compilation(report):
                 event = next(self._events)
-                while self._is_soon_over(event):
+                while self._is_too_soon(event):
                     event = next(self._events)
         except StopIteration as end:
             event = JobFinished(self._name, end.value)
@@ -71,7 +71,7 @@ class RunningJob:
         except Exception as error:
             _log.exception("the job %s broke", self._name)
             event = JobFailed(self._name, describe_fault(error))
-        self._told_at = time.monotonic()
+        self._reported_at = time.monotonic()
         self._reached = event if isinstance(event, Progress) else self._reached
         self._ended = isinstance(event, JobFailed | JobFinished)
         if isinstance(event, NavigationStep):
@@ -79,13 +79,13 @@ class RunningJob:
             self._step_s, self._step_began, self._between_steps = event.plan.dt, self._begun_at, True
         return event
 
-    def _is_soon_over(self, event: Any) -> bool:
-        """Whether it is an iteration within a time step, too soon after what was told last to be seen."""
+    def _is_too_soon(self, event: Any) -> bool:
+        """Check whether it is an iteration within a time step, too soon after the last report to be shown."""
         within = self._time_steps > 0 and isinstance(event, Iteration)
-        return within and time.monotonic() < self._told_at + _ITERATION_S
+        return within and time.monotonic() < self._reported_at + _ITERATION_S
 
     def close(self) -> None:
-        """Give up what is left of the job."""
+        """Cancel the rest of the job."""
         self._events.close()
 
 

@@ -1,4 +1,4 @@
-"""Session memory: what was asked for in a place, kept on disk, for the next time that a server opens it."""
+"""Session memory: the settings and ends of a place on disk, for the next time that a server opens it."""
 
 import hashlib
 from contextlib import suppress
@@ -7,15 +7,14 @@ from pathlib import Path
 import msgspec
 
 from nerfnav.core.files import replace_file
-from nerfnav_app.state.history import SavedSession
-from nerfnav_app.state.session import Session
+from nerfnav_app.state.session import SavedSession, Session
 
 
 class SessionMemory:
-    """How one place was left. Used by the UI loop's thread alone."""
+    """Stored session of one place. Used by the UI loop's thread alone."""
 
     def __init__(self, folder: Path, what: str) -> None:
-        """`folder` holds a file for each place, `what` is what is opened."""
+        """`folder` holds a file for each place, `what` is the scene or file that is opened."""
         self._what = what
         # a scene is known by its name, a file by where it is
         key = str(Path(what).resolve()) if Path(what).exists() else what
@@ -23,14 +22,14 @@ class SessionMemory:
         self._kept = self.last()
 
     def last(self) -> SavedSession | None:
-        """How it was left last time; None where nobody knows, or an older version wrote it."""
+        """Read the stored session; None where there is none, or an older version wrote it."""
         try:
             return msgspec.json.decode(self._file.read_bytes(), type=SavedSession)
         except (OSError, msgspec.MsgspecError):
             return None
 
     def follow(self, session: Session) -> None:
-        """Keep what is asked for now, once a hand has let go; without it the page only begins anew next time."""
+        """Store the session once the user has let go of all ends; without it the page starts with defaults."""
         settled = session.place is not None and not session.held and not session.seeking
         if session.what != self._what or not settled:
             return

@@ -12,14 +12,14 @@ from nerfnav_app.state.session import Session
 
 
 class Work(Protocol):
-    """What the worker can do."""
+    """Work of a backend for the worker."""
 
     def begin(self, session: Session, job: Job) -> JobEvents:
-        """The events of a job, computed as they are asked for."""
+        """Begin a job; its events are computed as they are taken."""
         ...
 
     def answer(self, place: Place, query: Query[Any]) -> Any:
-        """The result of a query of the page."""
+        """Answer a query of the page."""
         ...
 
     def change(self, change: RunChange) -> RunChanged:
@@ -27,5 +27,5 @@ class Work(Protocol):
         ...
 
     def follow(self, session: Session) -> None:
-        """Let the running job know of the session as it is now."""
+        """Pass the latest session on to the running job."""
         ...

@@ -1,8 +1,8 @@
-"""The one thread that computes: it does what the session wants, and nothing else.
+"""Worker: the one thread that computes, driven by the session alone.
 
-The session is not told what to do step by step: `follow` hands over the latest session, and between two steps of a
-job the worker looks at it. A job that is no longer wanted is closed, a paused one is held, queries of the page are
-answered between steps; of two wishes the later wins.
+`follow` passes the latest session on, and the worker reads it between two steps of a job. It closes a job that the
+session no longer has, holds a paused one, and answers queries of the page between steps; of two requests the later
+wins.
 """
 
 import threading
@@ -12,7 +12,7 @@ from collections.abc import Callable
 import torch
 
 from nerfnav_app.jobs.events import COMPILING, Progress
-from nerfnav_app.state.actions import QueryAnswered, Reported, RunChanged, Tell
+from nerfnav_app.state.actions import Notify, QueryAnswered, Reported, RunChanged
 from nerfnav_app.state.runs import RunChange
 from nerfnav_app.state.session import Session
 from nerfnav_app.system import TORCH_THREADS, give_back
@@ -23,12 +23,12 @@ from nerfnav_app.worker.work import Work
 _GIVE_BACK_EVERY_S = 10.0  # while a job runs, and after each
 
 
-Posted = Reported | QueryAnswered | RunChanged | Tell
-"""What the worker tells the session."""
+Posted = Reported | QueryAnswered | RunChanged | Notify
+"""Messages of the worker to the session."""
 
 
 class Worker:
-    """Runs the wanted job on a thread of its own and posts what it yields."""
+    """Runs the job of the session on a thread of its own and posts its events."""
 
     def __init__(self, work: Work, post: Callable[[Posted], None], threads: int = TORCH_THREADS) -> None:
         """`post` takes messages for the session from this thread; `threads` is how many torch may use."""
@@ -44,16 +44,16 @@ class Worker:
         self._thread = threading.Thread(target=self._run, name="nerfnav-worker", daemon=True)
 
     def start(self) -> None:
-        """Begin to follow."""
+        """Start the thread of the worker."""
         self._thread.start()
 
     def follow(self, session: Session) -> None:
-        """From now on, do what `session` wants."""
+        """Take `session` as the latest one."""
         with self._changed:
             self._wanted = session
             self._queries.follow(session)
             self._changed.notify()
-        self._tell_who_waits(session)
+        self._report_wait(session)
 
     def stop(self, timeout_s: float = 10.0) -> None:
         """Close the running job and end the thread, waiting at most `timeout_s` for the step in progress."""
@@ -76,7 +76,7 @@ class Worker:
             self._running.close()
 
     def _next_session(self) -> Session | None:
-        """The session to serve, as soon as there is something to do for it; None when it is time to end."""
+        """Wait for a session that needs work and return it; None when the thread is to end."""
         with self._changed:
             while not self._stopping:
                 if self._wanted is not None and self._has_work(self._wanted):
@@ -85,7 +85,7 @@ class Worker:
             return None
 
     def _rest_s(self, session: Session | None) -> float | None:
-        """How long there is nothing to do unless the session changes [s]; None where that is for good."""
+        """Compute the time without work unless the session changes [s]; None where only a change brings work."""
         if self._running is None or session is None or session.job is None:
             return None
         return self._running.rest_s(session.job) or None
@@ -98,7 +98,7 @@ class Worker:
         return running is not None and job is not None and (running.id != job.id or running.may_go_on(job))
 
     def _switch(self, session: Session) -> None:
-        """Close the running job if another is wanted or none, and begin the wanted one."""
+        """Close the running job if the session has another or none, and begin that of the session."""
         job = session.job
         if self._running is not None and (job is None or job.id != self._running.id):
             self._running.close()
@@ -108,7 +108,7 @@ class Worker:
             self._running = RunningJob(job, self._work, session)
 
     def _busy(self, session: Session) -> bool:
-        """Whether a job could go on at once."""
+        """Check whether a job could go on at once."""
         return self._running is not None and session.job is not None and self._running.may_go_on(session.job)
 
     def _answer_one(self) -> None:
@@ -120,7 +120,7 @@ class Worker:
             self._post(self._queries.answer(session, query))
 
     def _open_changes(self, session: Session) -> list[RunChange]:
-        """Changes of stored runs that are not made yet; each is made once."""
+        """List the changes of stored runs that are not made yet; each is made once."""
         return [change for change in session.runs.changes if change.id not in self._changed_runs]
 
     def _change_runs(self, session: Session) -> None:
@@ -136,17 +136,17 @@ class Worker:
         running, job = self._running, session.job
         if running is not None and job is not None and running.may_go_on(job):
             self._work.follow(session)
-            event = running.next_event(lambda told: self._tell_meanwhile(running, told))
+            event = running.next_event(lambda progress: self._report_meanwhile(running, progress))
             self._post(Reported(running.id, event))
 
-    def _tell_meanwhile(self, running: RunningJob, told: Progress) -> None:
-        """Pass on what a step tells before it ends."""
-        self._compiles = told.label == COMPILING
-        self._post(Reported(running.id, told))
-        self._tell_who_waits(self._wanted)
+    def _report_meanwhile(self, running: RunningJob, progress: Progress) -> None:
+        """Report the progress of a step before it ends."""
+        self._compiles = progress.label == COMPILING
+        self._post(Reported(running.id, progress))
+        self._report_wait(self._wanted)
 
-    def _tell_who_waits(self, session: Session | None) -> None:
-        """Say so where a job cannot begin because the step of another one waits for the compiler."""
+    def _report_wait(self, session: Session | None) -> None:
+        """Report that a job cannot begin because the step of another one waits for the compiler."""
         running, job = self._running, None if session is None else session.job
         if running is None or job is None or not self._compiles:
             return

@@ -1,4 +1,8 @@
-"""Disk cache: keep in the user's cache folder what takes seconds to make and always comes out the same."""
+"""Disk cache: files in the user's cache folder, each under a key that covers everything it was made from.
+
+Caches in memory are `functools.lru_cache` on functions and `cached_property` on frozen records; what must outlive a
+process is kept here.
+"""
 
 import contextlib
 import hashlib
@@ -13,29 +17,29 @@ _MOST_OF_A_KIND = 12
 
 
 def cache_root() -> Path:
-    """Where nerfnav keeps what it can make again: in the user's cache folder."""
+    """Folder of all that nerfnav can make again, in the user's cache folder."""
     return user_cache_path("nerfnav", appauthor=False)
 
 
 def load_or_make(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
-    """What `make` gives, from the cache if it was ever made for this `key`; the latest dozen of a kind are kept.
+    """Return the file of a `key`, made by `make` where there is none; the latest dozen of a kind are kept.
 
-    `key` must hold everything that the result depends on, the code that makes it included. A cache that cannot be
+    `key` must cover everything that the result depends on, the code that makes it included. A cache that cannot be
     read or written only costs time.
     """
-    before = found(kind, key)
-    return keep(kind, key, make()) if before is None else before
+    before = load(kind, key)
+    return store(kind, key, make()) if before is None else before
 
 
-def keep(kind: str, key: bytes, made: bytes) -> bytes:
-    """Keep what was made for this `key`, and give it back."""
+def store(kind: str, key: bytes, made: bytes) -> bytes:
+    """Store what was made for this `key`, and return it."""
     with contextlib.suppress(OSError):
         _write(_path(kind, key), hashlib.sha256(made).digest() + made)
     return made
 
 
-def found(kind: str, key: bytes) -> bytes | None:
-    """What was kept for this `key`; None where there is nothing, or nothing whole."""
+def load(kind: str, key: bytes) -> bytes | None:
+    """Load what was stored for this `key`; None where there is nothing, or nothing whole."""
     with contextlib.suppress(OSError):
         content = _path(kind, key).read_bytes()
         # a digest goes first: a file that was torn or tampered with is made again
@@ -44,11 +48,11 @@ def found(kind: str, key: bytes) -> bytes | None:
     return None
 
 
-def code_of(*folders: Path) -> bytes:
-    """A digest of all Python files in `folders`, deeply."""
+def hash_code(*paths: Path) -> bytes:
+    """Digest of Python files, and of all those in folders, deeply."""
     digest = hashlib.sha256()
-    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
-        digest.update(path.read_bytes())
+    for file in sorted(file for path in paths for file in (path.rglob("*.py") if path.is_dir() else [path])):
+        digest.update(file.read_bytes())
     return digest.digest()
 
 
@@ -57,7 +61,7 @@ def _path(kind: str, key: bytes) -> Path:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file, and forget the oldest of its kind."""
+    """Write a file, and remove the oldest of its kind."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with replace_file(path) as stream:
         stream.write(content)

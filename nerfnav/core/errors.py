@@ -4,7 +4,7 @@ Outcomes that a correct call may have (no path, diverged, hit) are enum members 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 
 class NerfnavError(Exception):
@@ -57,22 +57,21 @@ class MissingExtraError(NerfnavError):
 
 
 def require_positive(**numbers: float | None) -> None:
-    """Raise InvalidInputError, which names it, for a number that is not finite and above 0; None is not asked for."""
-    for name, number in numbers.items():
-        if number is not None and not 0 < number < math.inf:
-            raise InvalidInputError(f"{name} must be a number above 0, not {number:g}")
+    """Raise InvalidInputError, which names it, for a number that is not finite and above 0; None passes."""
+    _require(numbers, lambda number: 0 < number < math.inf, "a number above 0")
 
 
 def require_not_negative(**numbers: float | None) -> None:
-    """Raise InvalidInputError, which names it, for a number that is not finite and at least 0; None is not asked for.
-    """
-    for name, number in numbers.items():
-        if number is not None and not 0 <= number < math.inf:
-            raise InvalidInputError(f"{name} must be a number, at least 0, not {number:g}")
+    """Raise InvalidInputError, which names it, for a number that is not finite and at least 0; None passes."""
+    _require(numbers, lambda number: 0 <= number < math.inf, "a number, at least 0")
 
 
 def require_probability(**numbers: float | None) -> None:
-    """Raise InvalidInputError, which names it, for a number not above 0 and at most 1; None is not asked for."""
+    """Raise InvalidInputError, which names it, for a number not above 0 and at most 1; None passes."""
+    _require(numbers, lambda number: 0 < number <= 1, "a probability, above 0 and at most 1")
+
+
+def _require(numbers: Mapping[str, float | None], is_valid: Callable[[float], bool], wanted: str) -> None:
     for name, number in numbers.items():
-        if number is not None and not 0 < number <= 1:
-            raise InvalidInputError(f"{name} must be a probability, above 0 and at most 1, not {number:g}")
+        if number is not None and not is_valid(number):
+            raise InvalidInputError(f"{name} must be {wanted}, not {number:g}")

@@ -7,7 +7,7 @@ from nerfnav.core.errors import MissingExtraError
 
 
 def import_extra(module: str, extra: str, user: str) -> Any:
-    """The module of that name, which `pip install 'nerfnav[EXTRA]'` brings; `user` is what needs it, for people.
+    """The module of that name, which `pip install 'nerfnav[EXTRA]'` installs; `user` names what needs it, in messages.
 
     Raises MissingExtraError, in one sentence, where it is not installed.
     """

@@ -15,7 +15,7 @@ def replace_file(path: Path) -> Iterator[BinaryIO]:
 
     Raises OSError where the file cannot be written or put into its place.
     """
-    # hidden, and each process has its own: nobody takes half a file for one, and two writers do not mix
+    # hidden, and each process has its own: no reader takes half a file for a whole one, and two writers do not mix
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with beside.open("wb") as stream:

@@ -10,7 +10,7 @@ _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 
 
 class ContainerError(InvalidInputError):
-    """What should be a container is none, or not whole; the message goes on from the name of a file."""
+    """Error: a file is no container, or not whole; the message goes on from the name of the file."""
 
 
 def packed(document: dict[str, Any], binary: bytes) -> bytes:

@@ -1,6 +1,6 @@
 """Just-in-time compilation of kernels: one decorator, one cache (nerfnav/core/kernel_cache.py), one limit on threads.
 
-numba itself is imported when a kernel is first called: it takes a fifth of a second, and somebody waits for the page.
+numba itself is imported when a kernel is first called: it takes a fifth of a second, and the user waits for the page.
 """
 
 import inspect
@@ -14,16 +14,16 @@ from typing import Any
 
 import torch
 
-from nerfnav.core.kernel_cache import cache_folder, caching
+from nerfnav.core.kernel_cache import cache_folder, caching, require_covered
 
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
 
 prange = range
-"""`range` whose turns are done side by side in a parallel kernel."""
+"""`range` whose iterations run in parallel in a parallel kernel."""
 _ANY = 1 << 30
 _allowed: ContextVar[int] = ContextVar("threads that kernels may use", default=1)
 _bound: ContextVar[int] = ContextVar("threads that blocks inside may ask for", default=_ANY)
-_compiling: ContextVar["_Compiling | None"] = ContextVar("who is told of compilation", default=None)
+_compiling: ContextVar["_Compiling | None"] = ContextVar("listener of compilations", default=None)
 
 
 class Kernel:
@@ -35,13 +35,13 @@ class Kernel:
         self.__doc__, self.__name__ = function.__doc__, function.__name__
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the function gives for these arrays and numbers."""
+        """Call the compiled function with these arrays and numbers."""
         side_by_side = self._options.get("parallel") and _allowed.get() > 1
         return (self._dispatcher if side_by_side else self._serial)(*arguments)
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes this for where other kernels call it."""
+        """Type of the kernel for numba, where other kernels call it."""
         return self._dispatcher._numba_type_
 
     @cached_property
@@ -53,13 +53,14 @@ class Kernel:
         """The same for one thread: a parallel kernel would wake up a pool of threads even for one."""
         if not self._options.get("parallel"):
             return self._dispatcher
-        # in a folder of its own: numba's cache does not tell the two apart
+        # in a folder of its own: numba's cache does not separate the two
         return self._made(self._options | {"parallel": False}, cache_folder() / "serial")
 
     def _made(self, options: dict[str, Any], folder: Path) -> Any:
         import numba
         from numba.core.compiler_lock import global_compiler_lock
 
+        require_covered(self.__name__, self._function.__code__.co_filename)
         _listen()
         names = self._function.__globals__
         if names.get("prange") is prange:
@@ -86,12 +87,12 @@ def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False)
 
 
 @contextmanager
-def report_compilation(tell: Callable[[bool], None]) -> Iterator[None]:
-    """Call `tell` with True where this thread begins to compile a kernel inside the block, with False where it is done.
+def report_compilation(report: Callable[[bool], None]) -> Iterator[None]:
+    """Call `report` with True when this thread begins to compile a kernel inside the block, with False when it ends.
 
     It may take a minute. Machine code that is read from the cache is no compilation.
     """
-    before = _compiling.set(_Compiling(tell))
+    before = _compiling.set(_Compiling(report))
     try:
         yield
     finally:
@@ -101,18 +102,18 @@ def report_compilation(tell: Callable[[bool], None]) -> Iterator[None]:
 class _Compiling:
     """Compilations that are going on; a kernel is compiled while one that calls it is."""
 
-    def __init__(self, tell: Callable[[bool], None]) -> None:
-        self._tell, self._depth = tell, 0
+    def __init__(self, report: Callable[[bool], None]) -> None:
+        self._report, self._depth = report, 0
 
     def begin(self) -> None:
         self._depth += 1
         if self._depth == 1:
-            self._tell(True)
+            self._report(True)
 
     def end(self) -> None:
         self._depth -= 1
         if self._depth == 0:
-            self._tell(False)
+            self._report(False)
 
 
 @cache
@@ -142,8 +143,8 @@ def default_threads() -> int:
 def threads(count: int) -> Iterator[int]:
     """Let kernels inside the block use at most `count` threads; yields how many they really use.
 
-    Outside any block they use one, and a block inside another one gets no more than that has: what plans and filters
-    asks for one, whatever it calls. A block for one thread wakes up no pool.
+    Outside any block they use one, and a block inside another one gets no more than that has: plans and filters
+    ask for one, whatever they call. A block for one thread wakes up no pool.
 
     Both numba and torch run on OpenMP, and a parallel kernel leaves torch with all cores, on which its small tensors
     are ten times slower beside another busy process: torch gets back the number that it had.

@@ -10,7 +10,7 @@ from typing import Any
 
 from numba.core.caching import UserProvidedCacheLocator
 
-_PACKAGE = Path(__file__).parents[1]
+from nerfnav.core.kernel_cache import PACKAGE, kernel_files
 
 
 class KernelLocator(UserProvidedCacheLocator):
@@ -18,12 +18,10 @@ class KernelLocator(UserProvidedCacheLocator):
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
-        """A folder for the modules of one folder, the same wherever the package is installed."""
-        return "_".join(Path(py_file).parent.relative_to(_PACKAGE).parts)
+        """Name the folder for the modules of one folder, the same wherever the package is installed."""
+        return "_".join(Path(py_file).parent.relative_to(PACKAGE).parts)
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
-        """The locator of a function; None where its source is not among those that name the folder."""
-        path = Path(py_file)
-        known = path.is_relative_to(_PACKAGE) and path.parent.name == "kernels"
-        return super().from_function(py_func, py_file) if known else None
+        """Make the locator of a function; None outside nerfnav, whose own kernels `Kernel` has checked."""
+        return super().from_function(py_func, py_file) if Path(py_file) in kernel_files() else None

@@ -1,4 +1,4 @@
-"""Memory check: ask how much memory is free before taking it, and refuse what is too large in a sentence.
+"""Memory check: compare the free memory with what a computation needs, and refuse what is too large in a sentence.
 
 What counts is the least of what the machine has left, what a container or service may have (control groups, version 1
 and 2), and what the process may have (`ulimit -v`).
@@ -27,13 +27,13 @@ def require_memory(needed: float, what: str, advice: str) -> None:
 
 
 def available_memory() -> int | None:
-    """Memory that this process can still have [bytes]; None where the system does not tell."""
-    told = [left for left in (_of_machine(), *_of_groups(), _of_process()) if left is not None]
-    return max(0, min(told)) if told else None
+    """Memory that this process can still have [bytes]; None where the system does not report it."""
+    limits = [left for left in (_of_machine(), *_of_groups(), _of_process()) if left is not None]
+    return max(0, min(limits)) if limits else None
 
 
 def _of_machine() -> int | None:
-    """What the machine has left, cached files included, which the system gives up when asked."""
+    """Memory that the machine has left, cached files included, which the system gives up when needed."""
     available = _numbers(Path("/proc/meminfo"), ":").get("MemAvailable")
     if available is not None:
         return 1024 * available
@@ -44,7 +44,7 @@ def _of_machine() -> int | None:
 
 
 def _of_groups() -> Iterator[int]:
-    """What each control group that the process is in has left."""
+    """Memory that each control group of the process has left."""
     for line in _text(Path("/proc/self/cgroup")).splitlines():
         _, kinds, path = line.split(":", 2)
         if kinds == "":
@@ -70,7 +70,7 @@ def _of_group(group: Path, names: tuple[str, str, str]) -> Iterator[int]:
 
 
 def _of_process() -> int | None:
-    """What the process may still map, where that is limited."""
+    """Memory that the process may still map, where that is limited."""
     try:
         import resource
 
@@ -84,7 +84,7 @@ def _of_process() -> int | None:
 
 
 def _text(path: Path) -> str:
-    """What a file of the system holds; nothing where there is none."""
+    """Text of a file of the system; empty where there is none."""
     try:
         return path.read_text()
     except (OSError, UnicodeDecodeError):

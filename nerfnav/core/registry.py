@@ -12,7 +12,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """What users call it."""
+        """Name of the entry."""
         ...
 
 
@@ -20,7 +20,7 @@ Entry = TypeVar("Entry", bound=Named)
 
 
 class Registry(Mapping[str, Entry], Generic[Entry]):
-    """Name to entry, in the order in which they were added; anybody may add to it."""
+    """Name to entry, in the order in which they were added; users may add to it."""
 
     def __init__(self, kind: str, entries: Iterable[Entry] = ()) -> None:
         """A table of entries of one kind, whose word is used in errors: "planner", "robot"."""
@@ -50,13 +50,13 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._entries.get(name, default)
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is an entry of that name."""
+        """Check that there is an entry of that name."""
         return name in self._entries
 
     def __iter__(self) -> Iterator[str]:
-        """All names."""
+        """Iterate over all names."""
         return iter(self._entries)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of entries."""
         return len(self._entries)

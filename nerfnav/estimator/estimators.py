@@ -4,19 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nerfnav.core.registry import Registry
-from nerfnav.estimator.core.protocol import Estimator
+from nerfnav.estimator.core.filter_step import Estimator
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter, inerf
 from nerfnav.estimator.paper.pose_filter import PoseFilter
 
 
 @dataclass(frozen=True)
 class EstimatorEntry:
-    """An estimator, as users choose it by name."""
+    """Estimator that users choose by name."""
 
     name: str
-    """What they call it, as in `--estimator`."""
+    """Name, as in `--estimator`."""
     make: Callable[..., Estimator]
-    """Makes it: (field, robot, camera, mount=T_body_camera, config=FilterConfig)."""
+    """Constructor: (field, robot, camera, mount=T_body_camera, config=FilterConfig)."""
 
 
 ESTIMATORS: Registry[EstimatorEntry] = Registry(
@@ -27,15 +27,15 @@ ESTIMATORS: Registry[EstimatorEntry] = Registry(
 
 
 def names() -> tuple[str, ...]:
-    """What `load` knows."""
+    """Return the registered names."""
     return tuple(ESTIMATORS)
 
 
 def load(name: str) -> EstimatorEntry:
-    """The estimator of that name; raises UnknownNameError that lists the known ones."""
+    """Return the estimator of a name; raises UnknownNameError that lists the known ones."""
     return ESTIMATORS[name]
 
 
 def register(entry: EstimatorEntry) -> None:
-    """Make an estimator known by its name. Raises NameTakenError where another one has it."""
+    """Register an estimator under its name. Raises NameTakenError for a name that is taken."""
     ESTIMATORS.register(entry)

@@ -1,3 +1,4 @@
+from .arena import Arena as Arena
 from .field_geometry import GeometryReport as GeometryReport
 from .field_geometry import measure_geometry as measure_geometry
 from .flight_options import EndsChoice as EndsChoice
@@ -8,8 +9,7 @@ from .free_space_accuracy import measure_free_space_on_depth as measure_free_spa
 from .free_space_accuracy import measure_free_space_on_mesh as measure_free_space_on_mesh
 from .free_space_accuracy import measure_unproven_share as measure_unproven_share
 from .free_space_accuracy import note_free_space as note_free_space
-from .study import Arena as Arena
-from .study import ExperimentStep as ExperimentStep
+from .study import ExperimentSteps as ExperimentSteps
 from .study import Journal as Journal
 from .study import Results as Results
 from .study import Row as Row

@@ -9,139 +9,40 @@ Shares of flights come with Wilson's score interval of 95 % (E. B. Wilson, "Prob
 and statistical inference", 1927).
 """
 
-
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.experiments.closed_loop_flight import REFUSED, FlightTrial, fly, mean, quantile, times_of
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.navigation import EpisodeOutcome
-from nerfnav.robots import Quadrotor, load
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.closed_loop_flight import FlightTrial, find_task, fly_problem, make_problem
+from nerfnav.experiments.estimation import errors_of
+from nerfnav.experiments.figures import COLORS, Figure, draw_distribution, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
+from nerfnav.navigation import EpisodeOutcome, NavigationStep
+from nerfnav.robots import Quadrotor, RigidState, load
 from nerfnav.world import Task
 
-if TYPE_CHECKING:
-    import matplotlib.axes
-    import matplotlib.figure
-
-
-_OUTCOMES = ("reached", "collided", "diverged", "timeout", "no_plan", "too_risky", REFUSED)
-_QUANTILE_95 = 1.96
-"""Of the normal distribution, both sides together."""
-
-
-def wilson(count: int, total: int) -> tuple[float, float]:
-    """Bounds between which the probability of something lies that happened `count` times of `total`."""
-    if total == 0:
-        return 0.0, 1.0
-    share, spread = count / total, _QUANTILE_95**2 / total
-    middle = (share + 0.5 * spread) / (1 + spread)
-    half = math.sqrt(spread * (share * (1 - share) + 0.25 * spread)) / (1 + spread)
-    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))  # rounding is not to part them
-
-
-def summary_of(flights: Sequence[Row]) -> Row:
-    """Counts of outcomes, and errors and times over all steps of the flights by camera."""
-    camera, known = _by(flights, "state", "camera"), _by(flights, "state", "known")
-    kinds = {kind: _by(camera, "ends", kind) for kind in ("tasks", "random")}
-    return {
-        "trials": len(camera),
-        **counts(camera),
-        "truth_reached": counts(known)["reached"] if known else None,
-        **{kind: {"trials": len(some), **_rate(some)} for kind, some in kinds.items() if some},
-        **({"truth": {"trials": len(known), **counts(known)}} if known else {}),
-        "silent": sum(flight["row"]["silent"] for flight in camera),
-        **_errors(camera),
-        **times_of({name: _all(camera, name) for name in ("filter_ms", "replan_ms", "step_ms")}),
-    }
-
-
-def counts(flights: Sequence[Row]) -> Row:
-    """How many ended how, the share that arrived, and how many touched anything."""
-    found = Counter(flight["row"]["outcome"] for flight in flights)
-    return {
-        **{outcome: found[outcome] for outcome in _OUTCOMES},
-        **{name: value for name, value in _rate(flights).items() if name != "reached"},
-        "touched": sum(flight["row"]["touches"] > 0 for flight in flights),
-    }
-
-
-def picture(flights: Sequence[Row]) -> "matplotlib.figure.Figure":
-    """How flights end, how far off beliefs are, and how long steps take."""
-    figure, (ends, errors, times) = panels(("Share of flights that arrive", "Share of steps", "Share of steps"))
-    groups = {
-        f"{kind}, {state}": _by(_by(flights, "ends", kind), "state", state)
-        for state in ("camera", "known")
-        for kind in ("tasks", "random")
-    }
-    groups = {name: some for name, some in groups.items() if some}
-    for index, (name, some) in enumerate(groups.items()):
-        rate = _rate(some)
-        share, color = rate["reached"] / len(some), COLORS[index]
-        whiskers = [[share - rate["reached_low"]], [rate["reached_high"] - share]]
-        ends.bar(index, share, width=0.62, color=color, alpha=0.85, yerr=whiskers, capsize=4)
-        _steps(errors, _all(some, "position_m") if "camera" in name else [], color, name)
-        _steps(times, _all(some, "step_ms"), color, name)
-    ends.set(ylim=(0, 1), xticks=range(len(groups)))
-    ends.set_xticklabels([name.replace(", ", "\n") for name in groups], fontsize=8)
-    errors.set(xscale="log", xlabel="position error at most [m]", ylim=(0, 1))
-    times.set(xscale="log", xlabel="time at most [ms]", ylim=(0, 1))
-    errors.legend(frameon=False, fontsize=7)
-    return figure
-
-
-def _steps(axes: "matplotlib.axes.Axes", values: Sequence[float], color: str, name: str) -> None:
-    """Distribution function of some values."""
-    if values:
-        axes.step(np.sort(values), np.arange(1, len(values) + 1) / len(values), where="post", color=color, label=name)
-
-
-def _rate(flights: Sequence[Row]) -> Row:
-    reached = sum(flight["row"]["outcome"] == EpisodeOutcome.REACHED.name.lower() for flight in flights)
-    low, high = wilson(reached, len(flights))
-    return {"reached": reached, "reached_low": low, "reached_high": high}
-
-
-def _errors(flights: Sequence[Row]) -> Row:
-    by_flight = [flight["row"]["nees_mean"] for flight in flights if flight["row"]["nees_mean"] is not None]
-    return {
-        "position_median_m": quantile(_all(flights, "position_m"), 0.5),
-        "position_p95_m": quantile(_all(flights, "position_m"), 0.95),
-        "nees_mean": mean(_all(flights, "nees")),
-        "nees_of_flights_median": quantile(by_flight, 0.5),
-        "inside_95": mean(_all(flights, "inside_95")),
-    }
-
-
-def _by(flights: Sequence[Row], name: str, value: str) -> list[Row]:
-    return [flight for flight in flights if flight["row"][name] == value]
-
-
-def _all(flights: Sequence[Row], name: str) -> list[float]:
-    """Over all time steps of all flights."""
-    return list(chain.from_iterable(flight["steps"][name] for flight in flights))
-
-
 _TRIALS = 100
+REFUSED = "refused"
+"""Outcome where the field has something dense at an end."""
+_OFF, _IN_A_ROW = 0.05, 3
 
 
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Fly, and count."""
+def run(study: Study) -> ExperimentSteps:
+    """Fly all trials and count their outcomes."""
     trials = trials_of(study)
     flights = yield from run_trials(study, "flying", fly, trials)
     rows = tuple(flight["row"] for flight in flights)
     left = [task.name for task in study.tasks if task not in tasks_of(study)]
     robot = study.flights.robot
     why = "its robot is no quadrotor" if robot is None else f"its robot moves otherwise than {load(robot).name} does"
-    told = {"left_out": dict.fromkeys(left, why)} if left else {}
-    yield Results(summary_of(flights) | told, rows, {"flights": partial(picture, flights)})
+    note = {"left_out": dict.fromkeys(left, why)} if left else {}
+    return Results(summarize(flights) | note, rows, {"flights": partial(draw_figure, flights)})
 
 
 def trials_of(study: Study) -> list[FlightTrial]:
@@ -174,3 +75,179 @@ def tasks_of(study: Study) -> list[Task]:
         kind = type(load(flights.robot))
         return [task for task in study.tasks if type(load(task.robot)) is kind]
     return [task for task in study.tasks if flights.world == "paper" or task.robot == Quadrotor().name]
+
+
+def fly(arena: Arena, trial: FlightTrial) -> Row:
+    """Fly a trial: `row` of the table, and `steps`, lists of measurements at each time step."""
+    task = find_task(arena, trial)
+    problem = make_problem(arena, task, trial)
+    known = {
+        "ends": "tasks" if trial.task else "random", "task": task.name, "robot": problem.robot.name, "seed": trial.seed,
+        "state": "known" if trial.known else "camera", "world": trial.world,
+        "planned_steps": problem.steps,
+        "start": _words(*task.start, task.start_yaw), "goal": _words(*task.goal, task.goal_yaw),
+    }  # fmt: skip
+    done = fly_problem(arena, problem, trial)
+    steps = steps_of(done)
+    return {"row": known | row_of(done, task.goal_state, steps), "steps": steps}
+
+
+def steps_of(flown: Sequence[NavigationStep]) -> Row:
+    """Lists over the time steps after the start: errors [m], NEES, truth inside the 95 % ellipsoid of position, robot
+    holds, and times [ms]."""
+    errors = [errors_of(step.belief, step.truth) for step in flown[1:]]
+    return {
+        "position_m": [error["position_m"] for error in errors],
+        "nees": [error["nees"] for error in errors],
+        "inside_95": [error["inside_95"] for error in errors],
+        "holds": [step.holds for step in flown[1:]],
+        "filter_ms": [step.filter_ms for step in flown[1:]],
+        "replan_ms": [step.replan_ms for step in flown[1:]],
+        "step_ms": [step.filter_ms + step.replan_ms for step in flown[1:]],
+    }
+
+
+def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row:
+    """Figures of one flight; None where there are none."""
+    last = flown[-1] if flown else None
+    outcome = REFUSED if last is None or last.outcome is None else last.outcome.name.lower()
+    return {
+        "outcome": outcome,
+        "steps": len(steps["nees"]),
+        "hits_expected": flown[0].hits_expected if flown else None,
+        "touches": sum(step.touched for step in flown),
+        "final_m": None if last is None else (last.truth.position - goal.position).norm().item(),
+        "position_median_m": quantile(steps["position_m"], 0.5),
+        "position_p95_m": quantile(steps["position_m"], 0.95),
+        "nees_mean": mean(steps["nees"]),
+        "inside_95": mean(steps["inside_95"]),
+        "silent": is_silent(steps),
+        "held": sum(steps["holds"]),
+        **times_of(steps),
+    }
+
+
+def times_of(steps: Row) -> Row:
+    """Median, 95th percentile and maximum of the times [ms] of some time steps."""
+    return {
+        f"{name}_{what}_ms": quantile(steps[f"{name}_ms"], share)
+        for name in ("filter", "replan", "step")
+        for what, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))
+    }
+
+
+def is_silent(steps: Row) -> bool:
+    """Silent divergence: for three time steps in a row the estimated position is more than 5 cm off, the truth is
+    outside the belief's 95 % ellipsoid, and the robot does not hold."""
+    run = 0
+    for off, inside, holds in zip(steps["position_m"], steps["inside_95"], steps["holds"], strict=True):
+        run = run + 1 if off > _OFF and not inside and not holds else 0
+        if run == _IN_A_ROW:
+            return True
+    return False
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """Mean of values; None where there are none."""
+    return float(np.mean(values)) if values else None
+
+
+def quantile(values: Sequence[float], share: float) -> float | None:
+    """Quantile of values; None where there are none."""
+    return float(np.quantile(values, share)) if values else None
+
+
+def _words(*numbers: float) -> str:
+    """An end, as `nerfnav fly --start` takes it."""
+    return " ".join(f"{number:.9g}" for number in numbers)
+
+
+_OUTCOMES = ("reached", "collided", "diverged", "timeout", "no_plan", "too_risky", REFUSED)
+_QUANTILE_95 = 1.96
+"""Of the normal distribution, both sides together."""
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """Wilson's bounds on the probability of an event that happened `count` times of `total`."""
+    if total == 0:
+        return 0.0, 1.0
+    share, width = count / total, _QUANTILE_95**2 / total
+    middle = (share + 0.5 * width) / (1 + width)
+    half = math.sqrt(width * (share * (1 - share) + 0.25 * width)) / (1 + width)
+    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))  # rounding is not to part them
+
+
+def summarize(flights: Sequence[Row]) -> Row:
+    """Counts of outcomes, and errors and times over all steps of the flights by camera."""
+    camera, known = _by(flights, "state", "camera"), _by(flights, "state", "known")
+    kinds = {kind: _by(camera, "ends", kind) for kind in ("tasks", "random")}
+    return {
+        "trials": len(camera),
+        **counts(camera),
+        "truth_reached": counts(known)["reached"] if known else None,
+        **{kind: {"trials": len(some), **_rate(some)} for kind, some in kinds.items() if some},
+        **({"truth": {"trials": len(known), **counts(known)}} if known else {}),
+        "silent": sum(flight["row"]["silent"] for flight in camera),
+        **_errors(camera),
+        **times_of({name: _all(camera, name) for name in ("filter_ms", "replan_ms", "step_ms")}),
+    }
+
+
+def counts(flights: Sequence[Row]) -> Row:
+    """Count the flights by outcome, with the share that arrived and the number that touched something."""
+    found = Counter(flight["row"]["outcome"] for flight in flights)
+    return {
+        **{outcome: found[outcome] for outcome in _OUTCOMES},
+        **{name: value for name, value in _rate(flights).items() if name != "reached"},
+        "touched": sum(flight["row"]["touches"] > 0 for flight in flights),
+    }
+
+
+def draw_figure(flights: Sequence[Row]) -> Figure:
+    """Plot outcomes, errors of beliefs and times of steps."""
+    figure, (ends, errors, times) = panels(("Share of flights that arrive", "Share of steps", "Share of steps"))
+    groups = {
+        f"{kind}, {state}": _by(_by(flights, "ends", kind), "state", state)
+        for state in ("camera", "known")
+        for kind in ("tasks", "random")
+    }
+    groups = {name: some for name, some in groups.items() if some}
+    for index, (name, some) in enumerate(groups.items()):
+        rate = _rate(some)
+        share, color = rate["reached"] / len(some), COLORS[index]
+        whiskers = [[share - rate["reached_low"]], [rate["reached_high"] - share]]
+        ends.bar(index, share, width=0.62, color=color, alpha=0.85, yerr=whiskers, capsize=4)
+        draw_distribution(errors, _all(some, "position_m") if "camera" in name else [], color, name)
+        draw_distribution(times, _all(some, "step_ms"), color, name)
+    ends.set(ylim=(0, 1), xticks=range(len(groups)))
+    ends.set_xticklabels([name.replace(", ", "\n") for name in groups], fontsize=8)
+    errors.set(xscale="log", xlabel="position error at most [m]", ylim=(0, 1))
+    times.set(xscale="log", xlabel="time at most [ms]", ylim=(0, 1))
+    errors.legend(frameon=False, fontsize=7)
+    return figure
+
+
+def _rate(flights: Sequence[Row]) -> Row:
+    reached = sum(flight["row"]["outcome"] == EpisodeOutcome.REACHED.name.lower() for flight in flights)
+    low, high = wilson(reached, len(flights))
+    return {"reached": reached, "reached_low": low, "reached_high": high}
+
+
+def _errors(flights: Sequence[Row]) -> Row:
+    by_flight = [flight["row"]["nees_mean"] for flight in flights if flight["row"]["nees_mean"] is not None]
+    return {
+        "position_median_m": quantile(_all(flights, "position_m"), 0.5),
+        "position_p95_m": quantile(_all(flights, "position_m"), 0.95),
+        "nees_mean": mean(_all(flights, "nees")),
+        "nees_of_flights_median": quantile(by_flight, 0.5),
+        "inside_95": mean(_all(flights, "inside_95")),
+    }
+
+
+def _by(flights: Sequence[Row], name: str, value: str) -> list[Row]:
+    return [flight for flight in flights if flight["row"][name] == value]
+
+
+def _all(flights: Sequence[Row], name: str) -> list[float]:
+    """Over all time steps of all flights."""
+    return list(chain.from_iterable(flight["steps"][name] for flight in flights))

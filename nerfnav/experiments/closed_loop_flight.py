@@ -1,16 +1,14 @@
-"""Closed-loop flight: one flight by Algorithm 1, set up as `nerfnav fly` does it, and its row of the table.
+"""Closed-loop flight: one flight by Algorithm 1, set up as `nerfnav fly` does it.
 
 Its ends are those of a task, or random: at rest anywhere in a place, free on the ground truth and for planners. With
-state feedback an estimator reads the true state, as a bound on what any filter could do.
+state feedback an estimator reads the true state, as an upper bound for all filters.
 """
 
-
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -19,22 +17,20 @@ from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.estimator import (
     Belief,
-    ColorNoise,
     ConsiderCovariance,
     FilterOutcome,
+    FilterResult,
     FilterStep,
-    GlobalLocalizer,
+    FilterUpdate,
     estimators,
 )
-from nerfnav.experiments.estimation import errors_of
-from nerfnav.experiments.held_out_views import make_renderer
-from nerfnav.experiments.study import Arena, Row
+from nerfnav.experiments.arena import Arena, make_renderer, make_searcher
 from nerfnav.field import UnknownSpace, planning_field
 from nerfnav.geometry import Camera, Pose
 from nerfnav.navigation import (
     WORLDS,
     FlightRequest,
-    LoopEvent,
+    FlightStep,
     NavigateConfig,
     NavigationStack,
     NavigationStep,
@@ -59,96 +55,25 @@ from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.robots import Quadrotor, RigidState, Robot, StateNoise
 from nerfnav.world import MeshRenderer, Task, contact_check
 
-REFUSED = "refused"
-"""Outcome where the field has something dense at an end."""
-_OFF, _IN_A_ROW = 0.05, 3
-
-
-def steps_of(flown: Sequence[NavigationStep]) -> Row:
-    """Lists over the time steps after the start: errors [m], NEES, whether the truth lies inside the belief's 95 %
-    ellipsoid of position, whether the robot holds, and times [ms]."""
-    errors = [errors_of(step.belief, step.truth) for step in flown[1:]]
-    return {
-        "position_m": [error["position_m"] for error in errors],
-        "nees": [error["nees"] for error in errors],
-        "inside_95": [error["inside_95"] for error in errors],
-        "holds": [step.holds for step in flown[1:]],
-        "filter_ms": [step.filter_ms for step in flown[1:]],
-        "replan_ms": [step.replan_ms for step in flown[1:]],
-        "step_ms": [step.filter_ms + step.replan_ms for step in flown[1:]],
-    }
-
-
-def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row:
-    """The numbers of one flight; None where there are none."""
-    last = flown[-1] if flown else None
-    outcome = REFUSED if last is None or last.outcome is None else last.outcome.name.lower()
-    return {
-        "outcome": outcome,
-        "steps": len(steps["nees"]),
-        "hits_expected": flown[0].hits_expected if flown else None,
-        "touches": sum(step.touched for step in flown),
-        "final_m": None if last is None else (last.truth.position - goal.position).norm().item(),
-        "position_median_m": quantile(steps["position_m"], 0.5),
-        "position_p95_m": quantile(steps["position_m"], 0.95),
-        "nees_mean": mean(steps["nees"]),
-        "inside_95": mean(steps["inside_95"]),
-        "silent": is_silent(steps),
-        "held": sum(steps["holds"]),
-        **times_of(steps),
-    }
-
-
-def times_of(steps: Row) -> Row:
-    """Median, 95th percentile and most of the times [ms] of some time steps."""
-    return {
-        f"{name}_{what}_ms": quantile(steps[f"{name}_ms"], share)
-        for name in ("filter", "replan", "step")
-        for what, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))
-    }
-
-
-def is_silent(steps: Row) -> bool:
-    """Silent divergence: for three time steps in a row the believed position is more than 5 cm off, the truth lies
-    outside the belief's 95 % ellipsoid, and the robot does not say by holding that it is in doubt."""
-    run = 0
-    for off, inside, holds in zip(steps["position_m"], steps["inside_95"], steps["holds"], strict=True):
-        run = run + 1 if off > _OFF and not inside and not holds else 0
-        if run == _IN_A_ROW:
-            return True
-    return False
-
-
-def mean(values: Sequence[float]) -> float | None:
-    """None of nothing."""
-    return float(np.mean(values)) if values else None
-
-
-def quantile(values: Sequence[float], share: float) -> float | None:
-    """A quantile; None of nothing."""
-    return float(np.quantile(values, share)) if values else None
-
-
 KNOWN = StateNoise.isotropic(1e-8)
-"""Spread of a belief that is the truth: not zero, for covariances are inverted."""
+"""Standard deviations of an exact belief: not zero, for covariances are inverted."""
 
 
 @dataclass(frozen=True)
 class TrueStateEstimator:
-    """An estimator that looks at the simulator's state instead of at pictures."""
+    """State feedback: an estimator that returns the simulator's state."""
 
     simulator: Simulator
-    """Knows where the robot is."""
+    """Simulator with the true state."""
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         """The true state, whatever the arguments (see Estimator)."""
         truth = Belief(self.simulator.state, KNOWN.covariance())
-        yield FilterStep(
-            0, truth.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0),
-            posterior=truth, outcome=FilterOutcome.UPDATED,
-        )  # fmt: skip
+        step = FilterStep(0, truth.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0))
+        yield step
+        return FilterResult(truth, FilterOutcome.UPDATED, step)
 
 
 SPARE = 0.08
@@ -161,7 +86,7 @@ _DRAWS = 5000
 def random_task(arena: Arena, seed: int, robot: Robot | None = None) -> Task:
     """A flight of a robot (default: the paper's) between two ends drawn evenly from the box, with any headings.
 
-    Between some of them there may be no way. Raises InvalidInputError where the place has no room for such ends.
+    Some may have no path between them. Raises InvalidInputError where the place has no room for such ends.
     """
     robot = Quadrotor() if robot is None else robot
     generator = torch.Generator().manual_seed(seed)
@@ -187,59 +112,45 @@ def random_task(arena: Arena, seed: int, robot: Robot | None = None) -> Task:
 
 @dataclass(frozen=True)
 class FlightTrial:
-    """One trial."""
+    """Trial of the experiment: one flight."""
 
     task: Task | None
-    """From where to where, in 20 steps of 0.1 s where so many can be enough, else as long as the way takes; None:
-    between random ends, drawn by the seed, as long as the way takes."""
+    """Start and goal, in 20 steps of 0.1 s where they can suffice, else as long as the path takes; None: random ends,
+    drawn by the seed, as long as the path takes."""
     seed: int
     """Of everything random in it."""
     known: bool = False
-    """Whether the robot is told its state, and needs no pictures."""
+    """State feedback in place of pictures."""
     world: WorldName = "paper"
-    """Where it happens."""
+    """World of the flight."""
     risk: float | None = None
-    """What a collision by noise costs [J]; None: as flights have it."""
+    """Cost of a collision by noise [J]; None: the default of flights."""
     robot: str | None = None
     """Name or file of what flies; None: what the task is for."""
 
 
-def fly(arena: Arena, trial: FlightTrial) -> Row:
-    """Fly: `row` of the table, and `steps`, lists of what was measured at each time step."""
-    task = _task(arena, trial)
-    problem = _problem(arena, task, trial)
-    told = {
-        "ends": "tasks" if trial.task else "random", "task": task.name, "robot": problem.robot.name, "seed": trial.seed,
-        "state": "known" if trial.known else "camera", "world": trial.world,
-        "planned_steps": problem.steps,
-        "start": _words(*task.start, task.start_yaw), "goal": _words(*task.goal, task.goal_yaw),
-    }  # fmt: skip
-    done = _steps(arena, problem, trial)
-    steps = steps_of(done)
-    return {"row": told | row_of(done, task.goal_state, steps), "steps": steps}
-
-
 def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
-    """The time steps of one; none where it cannot begin."""
-    return _steps(arena, _problem(arena, _task(arena, trial), trial), trial)
+    """Fly a trial and return its time steps; none where it cannot begin."""
+    return fly_problem(arena, make_problem(arena, find_task(arena, trial), trial), trial)
 
 
-def _steps(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> list[NavigationStep]:
+def fly_problem(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> list[NavigationStep]:
+    """Fly the problem of a trial and return its time steps; none where it cannot begin."""
     try:
         return [event for event in _flight(arena, problem, trial) if isinstance(event, NavigationStep)]
     except (OccupiedError, OutsideBoxError):
         return []
 
 
-def _task(arena: Arena, trial: FlightTrial) -> Task:
-    """From where to where, for the robot that flies."""
+def find_task(arena: Arena, trial: FlightTrial) -> Task:
+    """Task of a trial, for the robot that flies."""
     if trial.task is None:
         return random_task(arena, trial.seed, None if trial.robot is None else _robot(trial.robot))
     return trial.task if trial.robot is None else replace(trial.task, robot=trial.robot)
 
 
-def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
-    """What is to be planned, in the field with what no camera saw taken for solid."""
+def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
+    """Plan problem in the field with unobserved space taken for solid."""
     robot = _planned(task.robot, trial.world)
     field = planning_field(arena.field, UnknownSpace.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
@@ -251,33 +162,33 @@ def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     return replace(problem, steps=estimate_timing(robot, length, problem.dt, problem.dt).steps)
 
 
-def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
+def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[FlightStep]:
     world = WORLDS[trial.world]
-    config = world.expecting(NavigateConfig())
+    config = world.configure(NavigateConfig())
     config = replace(config, filter=config.filter.for_field(arena.field.info))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
-    where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)
-    planner, guard = build_safe_planner(entry, where, settings, again, config.noise)
+    again, occupancy = entry.in_flight(settings, trial.risk), _map(arena, problem)
+    planner, safety_filter = build_safe_planner(
+        entry, problem.field, occupancy, problem.robot, settings, config.noise, again
+    )
     contact = contact_check(arena.scene, robot.body)
-    look = partial(_black if trial.known else partial(_photo, _renderer(arena)), robot.camera)
-    simulator = world.simulated(
+    look = partial(_black if trial.known else partial(_photo, make_renderer(arena)), robot.camera)
+    simulator = world.simulate(
         Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
     )
     if trial.known:
-        config, pilot = (
-            replace(config, initial=KNOWN),
-            NavigationStack(planner, TrueStateEstimator(simulator), guard=guard),
-        )
+        config = replace(config, initial=KNOWN)
+        stack = NavigationStack(planner, TrueStateEstimator(simulator), safety_filter=safety_filter)
     else:
         make, camera = estimators.load("fast").make, robot.camera
-        lasting = ConsiderCovariance(arena.field.info.pose_floor, robot.mount)
+        map_error = ConsiderCovariance(arena.field.info.pose_floor, robot.mount)
         estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
-        searcher = _searcher(arena, camera, config.filter.color_noise)
-        pilot = NavigationStack(planner, estimator, searcher, guard, arena.field, lasting)
-        pilot = compensate_latency(pilot, simulator)
-    mission = FlightRequest(problem.goal, problem.steps, problem.dt)
-    return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))
+        searcher = make_searcher(arena, camera, config.filter.color_noise)
+        stack = NavigationStack(planner, estimator, searcher, safety_filter, arena.field, map_error)
+        stack = compensate_latency(stack, simulator)
+    request = FlightRequest(problem.goal, problem.steps, problem.dt)
+    return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))
 
 
 def _photo(renderer: MeshRenderer, camera: Camera, pose: Pose) -> Tensor:
@@ -285,19 +196,8 @@ def _photo(renderer: MeshRenderer, camera: Camera, pose: Pose) -> Tensor:
 
 
 def _black(camera: Camera, pose: Pose) -> Tensor:
-    """What nobody looks at."""
+    """Black picture, for flights with state feedback."""
     return torch.zeros(camera.height, camera.width, 3, dtype=torch.uint8)
-
-
-@lru_cache(maxsize=2)
-def _renderer(arena: Arena) -> MeshRenderer:
-    return make_renderer(arena)
-
-
-@lru_cache(maxsize=1)
-def _searcher(arena: Arena, camera: Camera, noise: ColorNoise) -> GlobalLocalizer:
-    """Made once in each process."""
-    return GlobalLocalizer(arena.field, camera, noise)
 
 
 def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
@@ -320,9 +220,4 @@ def _robot(name: str) -> robots.Robot:
 @lru_cache
 def _planned(name: str, world: WorldName) -> robots.Robot:
     """The same as planners take it in a world."""
-    return WORLDS[world].planned(_robot(name))
-
-
-def _words(*numbers: float) -> str:
-    """An end, as `nerfnav fly --start` takes it."""
-    return " ".join(f"{number:.9g}" for number in numbers)
+    return WORLDS[world].planning_robot(_robot(name))

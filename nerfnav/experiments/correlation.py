@@ -1,8 +1,7 @@
 """Correlation of the collision loss with true overlap, over the iterations of plans from bad starts.
 
-Each plan begins on a path that leads around what is in between, but drawn towards the straight line until the body
-reaches into something, and is then improved by the paper's Adam, which is slow enough to be observed. At every
-observed iteration
+Each plan starts from a collision-free path, blended with the straight line until the body overlaps with something, and
+is then improved by the paper's Adam, which is slow enough to be observed. At every observed iteration
 
     loss      sum over steps and body points of rho(x_b) s(b), paper Eq. 1, in the field
     overlap   volume that the body shares with the true solids, integrated along the path [m^3 m]
@@ -12,23 +11,24 @@ them where none does): afterwards the overlap is 0 throughout, and ranks among e
 over all observed iterations, ties included, is reported beside it.
 """
 
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from functools import partial
 
 import numpy as np
 import torch
 from scipy.stats import rankdata
 
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.core.steps import yield_result
+from nerfnav.experiments.arena import Arena, per_arena
+from nerfnav.experiments.figures import COLORS, Figure, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.planner import (
     CostWeights,
     OccupancyMap,
     PlanConfig,
     PlanProblem,
+    PlanResult,
     Route,
     Trajectory,
     collision_per_step,
@@ -38,15 +38,89 @@ from nerfnav.planner.space.astar import find_path, smooth_path, waypoints_along
 from nerfnav.robots import Motion, Quadrotor, QuadrotorConfig
 from nerfnav.world import Task, judge
 
-if TYPE_CHECKING:
-    import matplotlib.figure
+_ROBOT = Quadrotor(QuadrotorConfig(point_counts=(7, 7, 3)))
+"""Body points 2 cm apart: in a coarser body a thin bar may lie between the points, where no loss sees the overlap."""
+_SAMPLES = 6
+"""Densities taken along each body point's path through a step, about 2 cm apart."""
+_STEPS, _DT = 20, 0.1
+"""Length of a flight: 2 s, as in the paper."""
+_SHARES = 20
+"""Steps of the blend from the detour to the straight line."""
+
+
+@dataclass(frozen=True)
+class PlanTrial:
+    """Trial of the experiment: a plan, and the interval of its observations."""
+
+    task: Task
+    """From where to where."""
+    iterations: int = 300
+    """Steps of Adam."""
+    every: int = 4
+    """Iterations from one observation to the next."""
+    depth: float = 0.1
+    """Least overlap of the start, as a share of the body's volume."""
+
+
+def run(study: Study) -> ExperimentSteps:
+    """Observe a plan of every task, but for those whose straight line is free, or that have no path at all."""
+    trials = [PlanTrial(task) for task in study.first(study.tasks, "tasks")]
+    tables = yield from run_trials(study, "watching plans", observe_plan, trials)
+    rows = tuple(row for table in tables for row in table)
+    return Results(summarize(rows), rows, {"correlation": partial(draw_figure, rows)})
+
+
+def observe_plan(arena: Arena, item: PlanTrial) -> list[Row]:
+    """Loss and overlap of every watched iteration; none where there is no bad start."""
+    start = _bad_start(arena, item)
+    if start is None:
+        return []
+    problem = PlanProblem(arena.field, _ROBOT, start.start, start.route.goal, start.steps, start.route.dt)
+    config = PlanConfig(iterations=item.iterations, weights=CostWeights(samples_per_step=_SAMPLES, margin=0.0))
+    rows = []
+    for step in yield_result(replan(problem, start, config)):
+        if step.iteration % item.every == 0 or isinstance(step, PlanResult):
+            loss = collision_per_step(arena.field, step.motion, _ROBOT.body, _SAMPLES).sum().item()
+            overlap = overlap_along(arena, step.motion)
+            rows.append({"task": item.task.name, "iteration": step.iteration, "loss": loss, "overlap_m4": overlap})
+    return rows
+
+
+def overlap_along(arena: Arena, motion: Motion) -> float:
+    """Volume shared with the solids, integrated along the path [m^3 m]."""
+    report = judge(arena.scene, _ROBOT.body, motion.states)
+    lengths = report.poses.position.diff(dim=0).norm(dim=-1).double()
+    return ((report.overlap_m3[1:] + report.overlap_m3[:-1]) / 2 * lengths).sum().item()
+
+
+def _bad_start(arena: Arena, item: PlanTrial) -> Trajectory | None:
+    """Path of A*, blended with the straight line as little as makes it overlap; None if nothing does."""
+    start, goal = item.task.start_state, item.task.goal_state
+    path = find_path(_map_of(arena), start.position, goal.position)
+    if path is None:
+        return None
+    straight = torch.stack([start.position, goal.position])
+    around, through = (waypoints_along(line, start, goal, _STEPS) for line in (smooth_path(path), straight))
+    x, y, z = _ROBOT.body.extents
+    for share in torch.linspace(0, 1, _SHARES + 1):
+        free = _ROBOT.encode(around + share * (through - around), start, goal, _DT)
+        trajectory = Trajectory(free, Route(start, goal, _STEPS, _DT))
+        report = judge(arena.scene, _ROBOT.body, trajectory.motion(_ROBOT).states)
+        if report.max_overlap_m3 >= item.depth * x * y * z:
+            return trajectory
+    return None
+
+
+@per_arena
+def _map_of(arena: Arena) -> OccupancyMap:
+    return OccupancyMap.of(arena.field, _ROBOT.body)
 
 
 _FEWEST = 4
-"""Watched iterations before the plan is free, of which a correlation can be told."""
+"""Fewest observed iterations before the plan is free that give a correlation."""
 
 
-def summary_of(rows: Sequence[Row]) -> Row:
+def summarize(rows: Sequence[Row]) -> Row:
     """The correlations, and what is left of the overlap."""
     plans = [
         np.array([(row["loss"], row["overlap_m4"]) for row in rows if row["task"] == name]) for name in _names(rows)
@@ -67,7 +141,7 @@ def summary_of(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
+def draw_figure(rows: Sequence[Row]) -> Figure:
     """Loss against overlap, and both over the iterations of the plan that overlapped most."""
     figure, (cloud, course) = panels(("Every watched iteration", "One plan"), height=3.8)
     worst = max(rows, key=lambda row: row["overlap_m4"], default=None)
@@ -91,88 +165,10 @@ def _names(rows: Sequence[Row]) -> list[str]:
 
 
 def _first_free(plan: np.ndarray) -> int:
-    """Index of the first look (loss, overlap) at which nothing is touched any more; the last one if there is none."""
+    """Index of the first observation (loss, overlap) without a contact; the last one if there is none."""
     free = np.flatnonzero(plan[:, 1] == 0)
     return int(free[0]) if len(free) else len(plan) - 1
 
 
 def _spearman(plan: np.ndarray) -> float:
     return float(np.corrcoef(rankdata(plan[:, 0]), rankdata(plan[:, 1]))[0, 1])
-
-
-_ROBOT = Quadrotor(QuadrotorConfig(point_counts=(7, 7, 3)))
-"""Body points 2 cm apart: in a coarser body a thin bar may lie between the points, where no loss sees the overlap."""
-_SAMPLES = 6
-"""Densities taken along each body point's way through a step, about 2 cm apart."""
-_STEPS, _DT = 20, 0.1
-"""Length of a flight: 2 s, as in the paper."""
-_SHARES = 20
-"""Steps from the way around to the straight line."""
-
-
-@dataclass(frozen=True)
-class Watch:
-    """One trial: a plan, and when to look at it."""
-
-    task: Task
-    """From where to where."""
-    iterations: int = 300
-    """Steps of Adam."""
-    every: int = 4
-    """Steps from one look to the next."""
-    depth: float = 0.1
-    """How deeply the start reaches into something at least, as a share of the body's volume."""
-
-
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Watch a plan of every task, but for those whose straight line is free, or that have no way at all."""
-    watches = [Watch(task) for task in study.first(study.tasks, "tasks")]
-    tables = yield from run_trials(study, "watching plans", watch, watches)
-    rows = tuple(row for table in tables for row in table)
-    yield Results(summary_of(rows), rows, {"correlation": partial(picture, rows)})
-
-
-def watch(arena: Arena, item: Watch) -> list[Row]:
-    """Loss and overlap of every watched iteration; none where there is no bad start."""
-    start = _bad_start(arena, item)
-    if start is None:
-        return []
-    problem = PlanProblem(arena.field, _ROBOT, start.start, start.route.goal, start.steps, start.route.dt)
-    config = PlanConfig(iterations=item.iterations, weights=CostWeights(samples_per_step=_SAMPLES, margin=0.0))
-    rows = []
-    for step in replan(problem, start, config):
-        if step.iteration % item.every == 0 or step.outcome is not None:
-            loss = collision_per_step(arena.field, step.motion, _ROBOT.body, _SAMPLES).sum().item()
-            overlap = overlap_along(arena, step.motion)
-            rows.append({"task": item.task.name, "iteration": step.iteration, "loss": loss, "overlap_m4": overlap})
-    return rows
-
-
-def overlap_along(arena: Arena, motion: Motion) -> float:
-    """Volume shared with the solids, integrated along the way [m^3 m]."""
-    report = judge(arena.scene, _ROBOT.body, motion.states)
-    way = report.poses.position.diff(dim=0).norm(dim=-1).double()
-    return ((report.overlap_m3[1:] + report.overlap_m3[:-1]) / 2 * way).sum().item()
-
-
-def _bad_start(arena: Arena, item: Watch) -> Trajectory | None:
-    """The way that A* finds, drawn towards the straight line as little as reaches into something; None if nothing."""
-    start, goal = item.task.start_state, item.task.goal_state
-    path = find_path(_map_of(arena), start.position, goal.position)
-    if path is None:
-        return None
-    straight = torch.stack([start.position, goal.position])
-    around, through = (waypoints_along(way, start, goal, _STEPS) for way in (smooth_path(path), straight))
-    x, y, z = _ROBOT.body.extents
-    for share in torch.linspace(0, 1, _SHARES + 1):
-        free = _ROBOT.encode(around + share * (through - around), start, goal, _DT)
-        trajectory = Trajectory(free, Route(start, goal, _STEPS, _DT))
-        report = judge(arena.scene, _ROBOT.body, trajectory.motion(_ROBOT).states)
-        if report.max_overlap_m3 >= item.depth * x * y * z:
-            return trajectory
-    return None
-
-
-@lru_cache(maxsize=2)
-def _map_of(arena: Arena) -> OccupancyMap:
-    return OccupancyMap.of(arena.field, _ROBOT.body)

@@ -1,9 +1,8 @@
 """Disturbed flights: plan, then fly blindly under the paper's noise, to try pose filters on.
 
-Flights are drawn anew until they touch nothing and have something in sight all the time: without a picture of
-anything there is nothing to estimate by. The tasks take turns; the filter under trial is made once in each process.
+Flights are redrawn until they touch nothing and have something in view all the time, which the filter needs. The tasks
+alternate; the filter under trial is made once in each process.
 """
-
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -14,10 +13,12 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import FastFilter, FilterConfig
-from nerfnav.experiments.study import Arena, Row, Study, TrialDone, run_trials
+from nerfnav.experiments.arena import Arena, per_arena
+from nerfnav.experiments.study import Row, Study, TrialDone, run_trials
 from nerfnav.geometry import FORWARD_MOUNT
-from nerfnav.planner import FastPlanConfig, FastPlanner, Route, last_step, with_room
+from nerfnav.planner import FastPlanConfig, FastPlanner, Route, with_room
 from nerfnav.robots import CAMERA, Motion, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer, Task, contact_check
 
@@ -26,7 +27,7 @@ _TRIALS = 100
 
 @dataclass(frozen=True)
 class Trial:
-    """One flight."""
+    """Trial of an experiment: one flight."""
 
     task: Task
     """From where to where."""
@@ -36,7 +37,7 @@ class Trial:
 
 def run_over_flights(
     study: Study, label: str, trial: Callable[[Arena, Trial], list[Row]]
-) -> Generator[TrialDone, None, list[Row]]:
+) -> Generator[TrialDone, bool | None, list[Row]]:
     """Do a trial on as many flights as the study asks for, the tasks in turn; returns the rows of all."""
     count = study.trials or _TRIALS
     trials = [Trial(study.tasks[index % len(study.tasks)], study.seed * _TRIALS + index) for index in range(count)]
@@ -44,7 +45,7 @@ def run_over_flights(
     return [row for answer in answers for row in answer]
 
 
-@lru_cache(maxsize=2)
+@per_arena
 def fast_filter(arena: Arena) -> FastFilter:
     """The quadrotor's filter for the arena's field, made once in each process."""
     config = FilterConfig().for_field(arena.field.info)
@@ -57,12 +58,12 @@ _REDRAWS = 2000
 """Blind flights drift, and of some tasks not one in fifty touches nothing."""
 _IN_SIGHT = 0.05
 """Least share of each picture that shows more than sky."""
-_GLANCE = CAMERA.scaled(0.2)
-"""What looks whether anything is in sight."""
+_PROBE = CAMERA.scaled(0.2)
+"""Camera of the visibility check."""
 
 
 def fly_disturbed(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
-    """Actions (20, 4) of a plan, and the states (21) under noise: nothing is touched, and something always in sight."""
+    """Actions (20, 4) of a plan, and the states (21) under noise, without contacts and with something in view."""
     robot, plan = Quadrotor(), _plan(arena, trial.task)
     touches, renderer = contact_check(arena.scene, robot.body), MeshRenderer(arena.scene)
     generator = torch.Generator().manual_seed(trial.seed)
@@ -83,7 +84,7 @@ def fly_disturbed(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
 
 def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
     """Share of a picture that shows more than sky."""
-    depth = renderer.render(_GLANCE, state.pose.compose(FORWARD_MOUNT)).depth
+    depth = renderer.render(_PROBE, state.pose.compose(FORWARD_MOUNT)).depth
     return depth.isfinite().float().mean().item()
 
 
@@ -91,4 +92,4 @@ def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
 def _plan(arena: Arena, task: Task) -> Motion:
     """The flight as it was planned, with room for noise."""
     planner = FastPlanner(arena.field, Quadrotor(), with_room(FastPlanConfig()))
-    return last_step(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion
+    return run_steps(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion

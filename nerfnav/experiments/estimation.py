@@ -1,40 +1,89 @@
 """Comparison of pose filters (paper): follow a robot by its pictures with the fast filter and with iNeRF.
 
 Disturbed flights (see experiments/disturbed_flights.py) are photographed from the mesh; all estimators get the same
-first belief, the same actions and the same pictures. Errors of a belief come with its NEES, which tells whether its
-covariance covers them.
+first belief, the same actions and the same pictures. Errors of a belief come with its NEES (normalized
+estimation error squared), which measures the consistency of its covariance.
 """
 
-
 import math
-from collections.abc import Iterator, Sequence
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from functools import partial
 
 import torch
 
-from nerfnav.estimator import Belief, Estimator, FilterOutcome, inerf
-from nerfnav.estimator.core.covariance import POSE
+from nerfnav.core.steps import run_steps
+from nerfnav.estimator import Belief, Estimator, inerf
+from nerfnav.estimator.core.belief import POSE
+from nerfnav.experiments.arena import Arena, make_renderer, per_arena, take_picture
 from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, fast_filter, fly_disturbed, run_over_flights
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import make_renderer, take_picture
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study
+from nerfnav.experiments.figures import COLORS, Figure, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState, StateNoise
 
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-
 METHODS = ("nerfnav", "inerf")
-"""Who takes part: the fast filter, and dynamically-informed iNeRF."""
+"""Contenders: the fast filter, and dynamically-informed iNeRF."""
 ERRORS = {"position_m": POSITION, "rotation_rad": ATTITUDE, "velocity_mps": VELOCITY, "rate_radps": BODY_RATE}
 """Parts of the error, the length of each."""
+_ELLIPSOID_95 = 7.815
+"""95 % of a chi-squared of three numbers."""
+
+
+def errors_of(belief: Belief, truth: RigidState) -> Row:
+    """Errors and consistency of a belief."""
+    error = belief.mean.local(truth)
+    covariance = belief.covariance.double()
+
+    def nees(index: list[int]) -> float:
+        part = error[index].double()
+        return (part @ torch.linalg.solve(covariance[index][:, index], part)).item()
+
+    lengths = {name: error[part].norm().item() for name, part in ERRORS.items()}
+    place = nees([0, 1, 2])
+    return lengths | {"nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": place < _ELLIPSOID_95}
+
+
+_FIRST = StateNoise.isotropic(0.01**2)  # standard deviations of the first belief: 1 cm, 0.01 rad
+
+
+def run(study: Study) -> ExperimentSteps:
+    """Fly and estimate; the table has a line for each trial, method and time step."""
+    rows = yield from run_over_flights(study, "estimating", follow)
+    return Results(summarize(rows), tuple(rows), {"estimation": partial(draw_figure, rows)})
+
+
+def follow(arena: Arena, trial: Trial) -> list[Row]:
+    """Fly once, and let every method estimate."""
+    actions, truths = fly_disturbed(arena, trial)
+    renderer = make_renderer(arena)
+    images = [take_picture(renderer, truths[index].pose) for index in range(1, STEPS + 1)]
+    start = truths[0].retract(_FIRST.sample(torch.Generator().manual_seed(trial.seed)))
+    rows = []
+    for method in METHODS:
+        generator = torch.Generator().manual_seed(trial.seed)
+        belief = Belief(start, _FIRST.covariance())
+        for index, (action, image) in enumerate(zip(actions, images, strict=True)):
+            result = run_steps(_estimators(arena)[method].update(belief, image, action, DT, generator))
+            belief = result.posterior
+            judged = errors_of(belief, truths[index + 1])
+            rows.append({"seed": trial.seed, "task": trial.task.name, "method": method, "step": index + 1} | judged
+                        | {"outcome": result.outcome.name.lower()})  # fmt: skip
+    return rows
+
+
+@per_arena
+def _estimators(arena: Arena) -> dict[str, Estimator]:
+    """All methods, made once in each process."""
+    own = fast_filter(arena)
+    return {"nerfnav": own, "inerf": inerf(own.field, own.robot, own.camera, config=own.config)}
+
+
 _LOST = {"position_m": 0.1, "rotation_rad": 0.2}
 """A trial has diverged that ends further off than this."""
 
 
-def summary_of(rows: Sequence[Row]) -> Row:
-    """Errors of both methods over all steps and at the end, and the honesty of nerfnav's covariance."""
+def summarize(rows: Sequence[Row]) -> Row:
+    """Summarize the errors of both methods over all steps and at the end, and the consistency of nerfnav's
+    covariance."""
     methods = {method: _summary([row for row in rows if row["method"] == method]) for method in METHODS}
     own = [row for row in rows if row["method"] == "nerfnav"]
     return {
@@ -50,7 +99,7 @@ def summary_of(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
+def draw_figure(rows: Sequence[Row]) -> Figure:
     """Mean errors over the steps, with bands of one standard deviation, as in the paper."""
     units = {"position_m": "[m]", "rotation_rad": "[rad]", "velocity_mps": "[m/s]", "rate_radps": "[rad/s]"}
     figure, axes = panels([f"{name.rpartition('_')[0].capitalize()} error {unit}" for name, unit in units.items()])
@@ -62,9 +111,10 @@ def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
                 for step in steps
             ]
             mean = torch.stack([entries.mean() for entries in table])
-            spread = torch.stack([entries.std(correction=0) for entries in table])
+            deviation = torch.stack([entries.std(correction=0) for entries in table])
             ax.plot(steps, mean, color=color, label=method)
-            ax.fill_between(steps, (mean - spread).clamp_min(0), mean + spread, color=color, alpha=0.25, linewidth=0)
+            lower, upper = (mean - deviation).clamp_min(0), mean + deviation
+            ax.fill_between(steps, lower, upper, color=color, alpha=0.25, linewidth=0)
         ax.set_xlabel("step")
         ax.set_ylim(bottom=0)
     axes[0].legend(frameon=False)
@@ -86,57 +136,3 @@ def _rms(rows: Sequence[Row], name: str) -> float:
 
 def _mean(rows: Sequence[Row], name: str) -> float:
     return sum(row[name] for row in rows) / len(rows)
-
-
-_ELLIPSOID_95 = 7.815
-"""95 % of a chi-squared of three numbers."""
-
-
-def errors_of(belief: Belief, truth: RigidState) -> Row:
-    """How far off a belief is, and whether it knew."""
-    error = belief.mean.local(truth)
-    covariance = belief.covariance.double()
-
-    def nees(index: list[int]) -> float:
-        part = error[index].double()
-        return (part @ torch.linalg.solve(covariance[index][:, index], part)).item()
-
-    lengths = {name: error[part].norm().item() for name, part in ERRORS.items()}
-    place = nees([0, 1, 2])
-    return lengths | {"nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": place < _ELLIPSOID_95}
-
-
-_FIRST = StateNoise.isotropic(0.01**2)  # spread of the first belief: 1 cm, 0.01 rad
-
-
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Fly and estimate; the table has a line for each trial, method and time step."""
-    rows = yield from run_over_flights(study, "estimating", follow)
-    yield Results(summary_of(rows), tuple(rows), {"estimation": partial(picture, rows)})
-
-
-def follow(arena: Arena, trial: Trial) -> list[Row]:
-    """Fly once, and let every method estimate."""
-    actions, truths = fly_disturbed(arena, trial)
-    renderer = make_renderer(arena)
-    images = [take_picture(renderer, truths[index].pose) for index in range(1, STEPS + 1)]
-    start = truths[0].retract(_FIRST.sample(torch.Generator().manual_seed(trial.seed)))
-    rows = []
-    for method in METHODS:
-        generator = torch.Generator().manual_seed(trial.seed)
-        belief = Belief(start, _FIRST.covariance())
-        for index, (action, image) in enumerate(zip(actions, images, strict=True)):
-            *_, last = _estimators(arena)[method].update(belief, image, action, DT, generator)
-            assert last.posterior is not None, "the last step of an estimator has the posterior"
-            belief = last.posterior
-            judged = errors_of(belief, truths[index + 1])
-            rows.append({"seed": trial.seed, "task": trial.task.name, "method": method, "step": index + 1} | judged
-                        | {"outcome": (last.outcome or FilterOutcome.UPDATED).name.lower()})  # fmt: skip
-    return rows
-
-
-@lru_cache(maxsize=2)
-def _estimators(arena: Arena) -> dict[str, Estimator]:
-    """All methods, made once in each process."""
-    own = fast_filter(arena)
-    return {"nerfnav": own, "inerf": inerf(own.field, own.robot, own.camera, config=own.config)}

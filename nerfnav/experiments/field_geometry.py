@@ -31,7 +31,7 @@ _MOST_SURFACE = 4_000_000
 
 @dataclass(frozen=True)
 class GeometryConfig:
-    """How many points are asked, and what is asked of them."""
+    """Sample sizes and thresholds of the measurement."""
 
     surface_points: int = 6000
     """Points drawn on the mesh."""
@@ -51,7 +51,7 @@ class GeometryConfig:
 
 @dataclass(frozen=True)
 class GeometryReport:
-    """What a field makes of a mesh."""
+    """Opacity of a field at the surfaces of a mesh and in free space."""
 
     voxel_m: float
     """Size of the voxels that lengths are counted in [m]."""
@@ -68,9 +68,9 @@ class GeometryReport:
 
 
 def measure_geometry(
-    field: Field, voxel: float, scene: Scene, seen_from: tuple[Camera, Pose], config: GeometryConfig | None = None
+    field: Field, voxel: float, scene: Scene, camera: Camera, poses: Pose, config: GeometryConfig | None = None
 ) -> GeometryReport:
-    """Compare a field of `voxel` [m] with the mesh it was photographed from, by one camera at poses T_world_camera.
+    """Compare a field of `voxel` [m] with the mesh that `camera` photographed from `poses` T_world_camera.
 
     Draws are the same every time. Raises InvalidInputError where no point of the mesh is seen, or none is free.
     """
@@ -78,7 +78,8 @@ def measure_geometry(
     points, face = trimesh.sample.sample_surface(scene.mesh, config.surface_points, seed=0)[:2]
     normals = torch.from_numpy(scene.mesh.face_normals[face]).float()
     surface = torch.from_numpy(np.asarray(points)).float()
-    counted = (views(scene.mesh, surface, *seen_from, 0.5 * voxel) >= config.views) & field.box.contains(surface)
+    seen = views(scene.mesh, surface, camera, poses, 0.5 * voxel) >= config.views
+    counted = seen & field.box.contains(surface)
     drawn = torch.rand(config.free_points, 3, generator=torch.Generator().manual_seed(0))
     space = field.box.lower + drawn * field.box.size
     free = space[is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
@@ -112,31 +113,32 @@ def optical_depth(
 def views(
     mesh: trimesh.Trimesh, points: Float[Tensor, "n 3"], camera: Camera, poses: Pose, tolerance: float
 ) -> Float[Tensor, " n"]:
-    """How many cameras at poses T_world_camera, batch shape (k,), see each point of the mesh.
+    """Count the cameras at poses T_world_camera, batch shape (k,), that see each point of the mesh.
 
-    What is hit less than `tolerance` [m] before the point does not hide it.
+    Hits less than `tolerance` [m] before the point do not hide it.
     """
     caster = RayCaster(mesh)
     seen = torch.zeros(len(points))
     for index, eye in enumerate(poses.position):
-        way = points - eye
+        ray = points - eye
         _, inside = camera.project(poses[index], points)
-        distance = way[inside].norm(dim=-1)
-        rays = (way[inside] / distance[:, None]).numpy()
+        distance = ray[inside].norm(dim=-1)
+        rays = (ray[inside] / distance[:, None]).numpy()
         hit = caster.first_hits(np.tile(eye.numpy(), (len(rays), 1)), np.ascontiguousarray(rays)).distance
         seen[inside] += (torch.from_numpy(hit) > distance - tolerance).float()
     return seen
 
 
 def is_free(scene: Scene, points: Float[Tensor, "n 3"], distance: float, spacing: float) -> Bool[Tensor, " n"]:
-    """Which points [m] lie in no solid and further than `distance` [m] from points `spacing` [m] apart on the mesh."""
+    """Mask of points [m] that are in no solid and further than `distance` [m] from points `spacing` [m] apart on
+    the mesh."""
     count = min(_MOST_SURFACE, max(1, round(scene.mesh.area / spacing**2)))
     surface = trimesh.sample.sample_surface(scene.mesh, count, seed=1)[0]
-    asked = points.double().numpy()
-    away, _ = KDTree(surface).query(asked, distance_upper_bound=distance)
+    queries = points.double().numpy()
+    away, _ = KDTree(surface).query(queries, distance_upper_bound=distance)
     free = np.isinf(away)
     for mesh in scene.solids:
-        free[free] = ~Solid(mesh).contains(asked[free])
+        free[free] = ~Solid(mesh).contains(queries[free])
     return torch.from_numpy(free)
 
 

@@ -7,21 +7,21 @@ from nerfnav.core.errors import require_not_negative
 from nerfnav.navigation import WorldName
 
 EndsChoice = Literal["tasks", "random", "both"]
-"""Which ends are flown between."""
+"""Ends that are flown between."""
 
 
 @dataclass(frozen=True)
 class FlightOptions:
-    """What is flown, and how much the robot is told."""
+    """Ends, world, risk and robot of whole flights."""
 
     ends: EndsChoice = "both"
     """The tasks of the place in turn, ends drawn at random, or the two by turns."""
     world: WorldName = "paper"
     """The paper's noise, or the physical world, in which other robots than quadrotors do not fly."""
     risk: float | None = None
-    """What a collision that noise brings about costs [J], as `nerfnav fly --risk` has it; None: as flights have it."""
+    """Cost of a collision by noise [J], as of `nerfnav fly --risk`; None: the default of flights."""
     truth: bool = False
-    """Whether each flight is flown a second time with the state known: what the noise alone costs."""
+    """Fly each flight a second time with the state known: the cost of the noise alone."""
     robot: str | None = None
     """Name or file of the robot that flies what is asked of robots of its kind; None: those that the tasks are for, and
     the paper's between random ends."""

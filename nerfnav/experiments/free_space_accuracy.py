@@ -3,7 +3,7 @@
 Surface. Points of the true surface inside the field's box that at least one camera sees. With a mesh they are drawn
 evenly over its area, and a ray cast at it says which cameras see them; with depth maps alone they are what held-out
 pixels saw. Planners take a point for free where the density of the field that they plan in
-(field/proof/occupancy_grid.py) is at most that of what counts as solid.
+(field/core/occupancy.py) is at most that of what counts as solid.
 
 Free space. Points drawn evenly in the box that lie in no solid, farther than two voxels from every surface, and that
 at least three cameras see; with depth maps alone, points on the way to what held-out pixels saw.
@@ -19,17 +19,18 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.experiments.field_geometry import is_free, views
-from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, GridField, UnknownSpace, planning_field
+from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, UnknownSpace, planning_field
+from nerfnav.field.core.occupancy import unproven_shares
 from nerfnav.geometry import Camera, Pose, PosedImages
 from nerfnav.world import Scene
 
-_TOLD = 400_000
-"""Points on surfaces that depth maps tell, at most."""
+_MOST_ENDS = 400_000
+"""Points on surfaces that are taken from depth maps, at most."""
 
 
 @dataclass(frozen=True)
 class FreeSpaceConfig:
-    """How many points are asked, and which."""
+    """Number of test points, and the cameras that must see them."""
 
     surface_points: int = 6000
     """Points drawn on the surface."""
@@ -45,28 +46,28 @@ class FreeSpaceConfig:
 
 @dataclass(frozen=True)
 class FreeSpaceAccuracy:
-    """What planners take for free."""
+    """Free-space accuracy: shares of true surface and of truly free space that planners take for free."""
 
     surface_taken_for_free: float | None
-    """Share of the true surface; None where nothing tells where it is."""
+    """Share of the true surface; None where it is unknown."""
     free_taken_for_free: float | None
     """Share of truly free space; None likewise."""
     unproven_share: float | None
-    """Share of the box that is neither proven free nor solid; None where that was never asked."""
+    """Share of the box that is neither proven free nor solid; None where that was never determined."""
     voxel_m: float
     """Size of the voxels that lengths are counted in [m]."""
 
 
 def measure_unproven_share(field: Field, voxel: float) -> FreeSpaceAccuracy:
-    """What a field of `voxel` [m] says of itself."""
-    unproven = field.unproven_by_height if isinstance(field, GridField) else None
+    """Measure the unproven share of a field of `voxel` [m] alone, without a ground truth."""
+    unproven = unproven_shares(field)
     return FreeSpaceAccuracy(None, None, None if unproven is None else float(unproven.mean()), voxel)
 
 
 def measure_free_space_on_mesh(
-    field: Field, voxel: float, scene: Scene, seen_from: tuple[Camera, Pose], config: FreeSpaceConfig | None = None
+    field: Field, voxel: float, scene: Scene, camera: Camera, poses: Pose, config: FreeSpaceConfig | None = None
 ) -> FreeSpaceAccuracy:
-    """Compare with the mesh that was photographed by one camera at poses T_world_camera; draws are always the same.
+    """Compare with the mesh that `camera` photographed from `poses` T_world_camera; draws are always the same.
 
     A figure is None where no point of its kind is found.
     """
@@ -74,70 +75,70 @@ def measure_free_space_on_mesh(
     drawn = trimesh.sample.sample_surface(scene.mesh, config.surface_points, seed=0)[0]
     surface = torch.from_numpy(np.asarray(drawn)).float()
     surface = surface[field.box.contains(surface)]
-    surface = surface[views(scene.mesh, surface, *seen_from, 0.5 * voxel) >= config.surface_views]
+    surface = surface[views(scene.mesh, surface, camera, poses, 0.5 * voxel) >= config.surface_views]
     space = field.box.lower + torch.rand(config.free_points, 3, generator=_same()) * field.box.size
     space = space[is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
-    space = space[views(scene.mesh, space, *seen_from, 0.0) >= config.free_views]
-    return _freedom(field, voxel, surface, space)
+    space = space[views(scene.mesh, space, camera, poses, 0.0) >= config.free_views]
+    return _accuracy(field, voxel, surface, space)
 
 
 def measure_free_space_on_depth(
     field: Field, voxel: float, held_out: PosedImages, others: PosedImages, config: FreeSpaceConfig | None = None
 ) -> FreeSpaceAccuracy:
-    """Compare with what held-out depth maps saw; `others` tell where surfaces are besides, and who sees what."""
+    """Compare with held-out depth maps; `others` give further surfaces, and the views of each point."""
     config = config or FreeSpaceConfig()
-    ways = [_ways(photographs, field) for photographs in (held_out, others)]
-    ends = torch.cat([origins + distance[:, None] * directions for origins, directions, distance in ways])
-    origins, directions, distance = ways[0]
+    rays = [_measured_rays(photographs, field) for photographs in (held_out, others)]
+    ends = torch.cat([origins + distance[:, None] * directions for origins, directions, distance in rays])
+    origins, directions, distance = rays[0]
     surface = _some(origins + distance[:, None] * directions, config.surface_points)
     share = torch.rand(len(distance), generator=_same())
     space = _some(origins + (share * distance)[:, None] * directions, config.free_points)
     space = space[field.box.contains(space)]
-    away, _ = KDTree(_some(ends, _TOLD).numpy()).query(space.numpy())
+    away, _ = KDTree(_some(ends, _MOST_ENDS).numpy()).query(space.numpy())
     space = space[torch.from_numpy(away > config.voxels * voxel)]
     space = space[_looks_past(others, space) >= config.free_views]
-    return _freedom(field, voxel, surface[field.box.contains(surface)], space)
+    return _accuracy(field, voxel, surface[field.box.contains(surface)], space)
 
 
 @torch.no_grad()
 def taken_for_free(field: Field, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-    """Whether planners take points [m] of a field for free."""
+    """Mark points [m] of a field that planners take for free."""
     return planning_field(field, UnknownSpace.OCCUPIED).density(points) <= SOLID_DENSITY
 
 
-def describe_free_space_accuracy(freedom: FreeSpaceAccuracy) -> str:
-    """The figures as sentences for whoever opens the place."""
-    told = []
-    if freedom.surface_taken_for_free is not None:
-        told.append(f"planners take {freedom.surface_taken_for_free:.1%} of the true surface for free")
-    if freedom.free_taken_for_free is not None:
-        told.append(f"{freedom.free_taken_for_free:.1%} of the space that is free")
-    sentences = [f"{' and '.join(told)}"] if told else []
-    if freedom.unproven_share is None:
+def describe_free_space_accuracy(accuracy: FreeSpaceAccuracy) -> str:
+    """Describe the figures in sentences for the user."""
+    parts = []
+    if accuracy.surface_taken_for_free is not None:
+        parts.append(f"planners take {accuracy.surface_taken_for_free:.1%} of the true surface for free")
+    if accuracy.free_taken_for_free is not None:
+        parts.append(f"{accuracy.free_taken_for_free:.1%} of the space that is free")
+    sentences = [f"{' and '.join(parts)}"] if parts else []
+    if accuracy.unproven_share is None:
         sentences.append("nothing proves what is free here: plans trust the field alone")
     else:
-        sentences.append(f"{freedom.unproven_share:.0%} of the box is unproven and counts as solid")
+        sentences.append(f"{accuracy.unproven_share:.0%} of the box is unproven and counts as solid")
     return "; ".join(sentences)
 
 
-def note_free_space(info: FieldInfo, freedom: FreeSpaceAccuracy) -> FieldInfo:
-    """What is known of a field, with what planners take for free there."""
+def note_free_space(info: FieldInfo, accuracy: FreeSpaceAccuracy) -> FieldInfo:
+    """Note the accuracy in the info of a field."""
     return replace(
         info,
-        surface_taken_for_free=freedom.surface_taken_for_free,
-        free_taken_for_free=freedom.free_taken_for_free,
-        unproven_share=freedom.unproven_share,
+        surface_taken_for_free=accuracy.surface_taken_for_free,
+        free_taken_for_free=accuracy.free_taken_for_free,
+        unproven_share=accuracy.unproven_share,
     )
 
 
-def _freedom(
+def _accuracy(
     field: Field, voxel: float, surface: Float[Tensor, "n 3"], space: Float[Tensor, "m 3"]
 ) -> FreeSpaceAccuracy:
     shares = [_share(taken_for_free(field, points)) if len(points) else None for points in (surface, space)]
     return FreeSpaceAccuracy(shares[0], shares[1], measure_unproven_share(field, voxel).unproven_share, voxel)
 
 
-def _ways(
+def _measured_rays(
     photographs: PosedImages, field: Field
 ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"], Float[Tensor, " n"]]:
     """Origins, directions and depths [m] of rays that met something in the box, from every picture."""
@@ -145,13 +146,13 @@ def _ways(
     rays = [photographs.depth_camera.rays(photographs.poses[index]) for index in range(len(photographs))]
     origins, directions = (torch.cat(parts) for parts in zip(*rays, strict=True))
     distance = photographs.depth.reshape(-1)
-    told = (distance > 0) & distance.isfinite()
-    told[told.clone()] &= field.box.contains(origins[told] + distance[told, None] * directions[told])
-    return origins[told], directions[told], distance[told]
+    met = (distance > 0) & distance.isfinite()
+    met[met.clone()] &= field.box.contains(origins[met] + distance[met, None] * directions[met])
+    return origins[met], directions[met], distance[met]
 
 
 def _looks_past(photographs: PosedImages, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-    """How many depth maps end behind each point."""
+    """Number of depth maps that end behind each point."""
     assert photographs.depth is not None
     camera, seen = photographs.depth_camera, torch.zeros(len(points))
     for index, depth in enumerate(photographs.depth):

@@ -9,11 +9,9 @@ its heading, at any time.
 Planned on the field, judged on the mesh. Drives that the field does not allow to begin or end are counted as refused.
 """
 
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -23,33 +21,128 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import OccupiedError
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.core.steps import run_steps
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.figures import COLORS, Axes, Figure, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.geometry import so3
 from nerfnav.planner import (
     CostTerm,
     PlanProblem,
-    PlanStep,
+    PlanResult,
     TermContext,
     collision_probability_bound,
-    last_step,
     plan_fast,
     terms,
 )
 from nerfnav.robots import Motion, unwrap_angles
 from nerfnav.world import Task, judge
 
-if TYPE_CHECKING:
-    import matplotlib.axes
-    import matplotlib.figure
-
-
-Way = list[list[float]]
+PlanarPath = list[list[float]]
 """x, y [m] and heading [rad] at each time."""
 COUCH, WHEELS = "couch", "diffdrive"
 
 
-def summary_of(rows: Sequence[Row]) -> Row:
+def outlines(arena: Arena, height: float) -> np.ndarray:
+    """Sections of the solids at a height [m]: line segments, (n, 2, 2)."""
+    cuts = [trimesh.intersections.mesh_plane(solid, [0, 0, 1], [0, 0, height]) for solid in arena.scene.solids]
+    return np.concatenate([np.reshape(cut, (-1, 2, 3))[..., :2] for cut in cuts])
+
+
+_HELD = 1e4
+"""Weight of a heading that is held, in units of J for a squared radian: it strays by less than a degree."""
+
+
+def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+    """Cost of turning away from the first attitude: squared angles [rad^2], summed over time."""
+    rotation = motion.states.rotation
+    turned = so3.local(rotation[..., :1, :, :].expand_as(rotation), rotation)
+    return turned.square().sum((-2, -1))
+
+
+HEADING_HELD = CostTerm("heading held", heading_held, _HELD)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Trial of the experiment: one drive."""
+
+    task: Task
+    """Start, goal and robot."""
+    held: bool = False
+    """Hold the heading of the start."""
+
+
+def drives_of(task: Task) -> list[Drive]:
+    """The trials of a task: a heading can only be held where start and goal have the same."""
+    if task.robot == WHEELS:
+        return [Drive(task), Drive(_back(task))]
+    return [Drive(task, held) for held in ((False, True) if task.start_yaw == task.goal_yaw else (False,))]
+
+
+def _back(task: Task) -> Task:
+    """Return trip, in reverse gear."""
+    return replace(
+        task, name=f"{task.name}, and back", start=task.goal, goal=task.start, start_yaw=task.goal_yaw,
+        goal_yaw=task.start_yaw,
+    )  # fmt: skip
+
+
+_STEPS, _DT = 30, 0.1
+"""Length of a drive: 3 s."""
+
+
+def drive(arena: Arena, item: Drive) -> tuple[Row, PlanarPath] | None:
+    """Plan one drive and judge it; also its path. None where the field has something dense at one of the ends."""
+    try:
+        planned = plan_of(arena, item)
+    except OccupiedError:
+        return None
+    robot, motion = robots.load(item.task.robot), planned.motion
+    report = judge(arena.scene, robot.body, motion.states)
+    yaw = unwrap_angles(so3.yaw_of(motion.states.rotation))
+    row: Row = {
+        "task": item.task.name,
+        "robot": item.task.robot,
+        "heading_held": item.held,
+        "height_m": item.task.start[2],
+        "outcome": planned.outcome.name.lower(),
+        "touched": bool(report.touched_poses.any()),
+        "max_overlap_m3": report.max_overlap_m3,
+        "lateral_speed_max_mps": lateral_speed(motion),
+        "goal_missed_by_m": (motion.states.position[-1] - item.task.goal_state.position).norm().item(),
+        "turned_rad": yaw.diff().abs().sum().item(),
+        "bound": collision_probability_bound(arena.field, motion, robot.body),
+    }
+    return row, torch.cat([motion.states.position[:, :2], yaw[:, None]], -1).tolist()
+
+
+def plan_of(arena: Arena, item: Drive) -> PlanResult:
+    """The fast planner's plan."""
+    start, goal = item.task.start_state, item.task.goal_state
+    counted = (*terms.list_terms(), HEADING_HELD) if item.held else terms.list_terms()
+    problem = PlanProblem(arena.field, robots.load(item.task.robot), start, goal, _STEPS, _DT, counted)
+    return run_steps(plan_fast(problem))
+
+
+def lateral_speed(motion: Motion) -> float:
+    """Largest velocity across the heading [m/s]."""
+    return (motion.states.rotation[..., 1] * motion.states.velocity).sum(-1).abs().max().item()
+
+
+def run(study: Study) -> ExperimentSteps:
+    """Plan all drives of couches and differential drives; those of other robots are left out."""
+    tasks = [task for task in study.tasks if task.robot in (COUCH, WHEELS)]
+    drives = [one for task in study.first(tasks, "ground tasks") for one in drives_of(task)]
+    answers = yield from run_trials(study, "planning", drive, drives)
+    done = [answer for answer in answers if answer is not None]
+    rows, paths = tuple(row for row, _ in done), [path for _, path in done]
+    walls = outlines(study.open_arena(), rows[0]["height_m"]) if rows else np.empty((0, 2, 2))
+    summary = {**summarize(rows), "refused": len(answers) - len(done)}
+    return Results(summary, rows, {"ground_robots": partial(draw_figure, rows, paths, walls)})
+
+
+def summarize(rows: Sequence[Row]) -> Row:
     """Overlaps of couches that may turn and may not, and whether wheels slid."""
     turning, held = ([row for row in rows if row["robot"] == COUCH and row["heading_held"] is so]
                      for so in (False, True))  # fmt: skip
@@ -69,129 +162,30 @@ def summary_of(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row], ways: Sequence[Way], walls: np.ndarray) -> "matplotlib.figure.Figure":
-    """The first couch with and without its turn, and the ways of all wheels, from above."""
+def draw_figure(rows: Sequence[Row], paths: Sequence[PlanarPath], walls: np.ndarray) -> Figure:
+    """Plot the first couch with and without its turn, and the paths of all wheels, from above."""
     from matplotlib.collections import LineCollection
 
     figure, (free, held, wheels) = panels(("May turn", "May not turn", "On wheels"), height=3.8)
     for axes, so in ((free, False), (held, True)):
         index = next((i for i, row in enumerate(rows) if row["robot"] == COUCH and row["heading_held"] is so), None)
         if index is not None:
-            _trail(axes, ways[index], COUCH, COLORS[4 if rows[index]["touched"] else 0])
+            _trail(axes, paths[index], COUCH, COLORS[4 if rows[index]["touched"] else 0])
             overlap = 1e6 * rows[index]["max_overlap_m3"]
             axes.set_title(f"{axes.get_title()}: overlap {overlap:.3g} cm$^3$", fontsize=10)
     for k, index in enumerate(i for i, row in enumerate(rows) if row["robot"] == WHEELS):
-        _trail(wheels, ways[index], WHEELS, COLORS[k // 2 % len(COLORS)])
+        _trail(wheels, paths[index], WHEELS, COLORS[k // 2 % len(COLORS)])
     for axes in (free, held, wheels):
         axes.add_collection(LineCollection(walls.tolist(), colors="0.45", linewidths=0.8), autolim=False)
         axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     return figure
 
 
-def _trail(axes: "matplotlib.axes.Axes", way: Way, name: str, color: str) -> None:
-    """Outlines of a robot along its way."""
+def _trail(axes: Axes, path: PlanarPath, name: str, color: str) -> None:
+    """Draw outlines of a robot along its path."""
     half = 0.5 * torch.tensor(robots.load(name).body.extents[:2])
     outline = half * torch.tensor([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
-    for x, y, heading in way:
+    for x, y, heading in path:
         corners = outline @ so3.from_yaw(torch.tensor(heading))[:2, :2].T + torch.tensor([x, y])
         axes.plot(*corners.T.tolist(), color=color, linewidth=0.6, alpha=0.7)
-    axes.plot([x for x, _, _ in way], [y for _, y, _ in way], color=color, linewidth=1.2)
-
-
-def outlines(arena: Arena, height: float) -> np.ndarray:
-    """Where the solids are cut at a height [m]: pieces of lines, (n, 2, 2)."""
-    cuts = [trimesh.intersections.mesh_plane(solid, [0, 0, 1], [0, 0, height]) for solid in arena.scene.solids]
-    return np.concatenate([np.reshape(cut, (-1, 2, 3))[..., :2] for cut in cuts])
-
-
-_HELD = 1e4
-"""Weight of a heading that is held, in units of J for a squared radian: it strays by less than a degree."""
-
-
-def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """What it costs to turn away from the first attitude: squared angles [rad^2], summed over time."""
-    rotation = motion.states.rotation
-    turned = so3.local(rotation[..., :1, :, :].expand_as(rotation), rotation)
-    return turned.square().sum((-2, -1))
-
-
-HEADING_HELD = CostTerm("heading held", heading_held, _HELD)
-
-
-@dataclass(frozen=True)
-class Drive:
-    """One trial."""
-
-    task: Task
-    """From where to where, and with which robot."""
-    held: bool = False
-    """Whether the heading must stay that of the start."""
-
-
-def drives_of(task: Task) -> list[Drive]:
-    """The trials of a task: a heading can only be held where start and goal have the same."""
-    if task.robot == WHEELS:
-        return [Drive(task), Drive(_back(task))]
-    return [Drive(task, held) for held in ((False, True) if task.start_yaw == task.goal_yaw else (False,))]
-
-
-def _back(task: Task) -> Task:
-    """The way back, in reverse gear."""
-    return replace(
-        task, name=f"{task.name}, and back", start=task.goal, goal=task.start, start_yaw=task.goal_yaw,
-        goal_yaw=task.start_yaw,
-    )  # fmt: skip
-
-
-_STEPS, _DT = 30, 0.1
-"""Length of a drive: 3 s."""
-
-
-def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
-    """Plan one drive and judge it; also its way. None where the field has something dense at one of the ends."""
-    try:
-        planned = plan_of(arena, item)
-    except OccupiedError:
-        return None
-    robot, motion = robots.load(item.task.robot), planned.motion
-    report = judge(arena.scene, robot.body, motion.states)
-    yaw = unwrap_angles(so3.yaw_of(motion.states.rotation))
-    row: Row = {
-        "task": item.task.name,
-        "robot": item.task.robot,
-        "heading_held": item.held,
-        "height_m": item.task.start[2],
-        "outcome": planned.outcome.name.lower() if planned.outcome else "",
-        "touched": bool(report.touched_poses.any()),
-        "max_overlap_m3": report.max_overlap_m3,
-        "lateral_speed_max_mps": lateral_speed(motion),
-        "goal_missed_by_m": (motion.states.position[-1] - item.task.goal_state.position).norm().item(),
-        "turned_rad": yaw.diff().abs().sum().item(),
-        "bound": collision_probability_bound(arena.field, motion, robot.body),
-    }
-    return row, torch.cat([motion.states.position[:, :2], yaw[:, None]], -1).tolist()
-
-
-def plan_of(arena: Arena, item: Drive) -> PlanStep:
-    """The fast planner's plan."""
-    start, goal = item.task.start_state, item.task.goal_state
-    counted = (*terms.counted(), HEADING_HELD) if item.held else terms.counted()
-    problem = PlanProblem(arena.field, robots.load(item.task.robot), start, goal, _STEPS, _DT, counted)
-    return last_step(plan_fast(problem))
-
-
-def lateral_speed(motion: Motion) -> float:
-    """Largest velocity across the heading [m/s]."""
-    return (motion.states.rotation[..., 1] * motion.states.velocity).sum(-1).abs().max().item()
-
-
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Plan all drives of couches and differential drives; those of other robots are left out."""
-    tasks = [task for task in study.tasks if task.robot in (COUCH, WHEELS)]
-    drives = [one for task in study.first(tasks, "ground tasks") for one in drives_of(task)]
-    answers = yield from run_trials(study, "planning", drive, drives)
-    done = [answer for answer in answers if answer is not None]
-    rows, ways = tuple(row for row, _ in done), [way for _, way in done]
-    walls = outlines(study.open_arena(), rows[0]["height_m"]) if rows else np.empty((0, 2, 2))
-    summary = {**summary_of(rows), "refused": len(answers) - len(done)}
-    yield Results(summary, rows, {"ground_robots": partial(picture, rows, ways, walls)})
+    axes.plot([x for x, _, _ in path], [y for _, y, _ in path], color=color, linewidth=1.2)

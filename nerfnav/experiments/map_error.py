@@ -7,16 +7,16 @@ from jaxtyping import Float
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import FilterConfig, FilterOutcome, fit_position_bias
+from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.closed_loop_flight import FlightTrial, fly_steps
-from nerfnav.experiments.study import Arena
 from nerfnav.robots import POSITION
 
 FLIGHTS = 60
-"""That tell it to a tenth or so."""
+"""Flights that give the floor to a tenth or so."""
 _FIRST_SEED = 500_000
-"""Of flights that nobody reports."""
+"""Seed of the flights, apart from those of experiments."""
 _FEWEST = 30
-"""Pictures that tell it at all."""
+"""Fewest pictures that give an estimate."""
 
 
 def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
@@ -26,20 +26,19 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
     """
     found = [*_found(arena, flights)]
     if len(found) < _FEWEST:
-        raise InvalidInputError(f"{len(found)} pictures of {flights} flights tell positions: {_FEWEST} are needed")
-    errors, told = (np.stack(part) for part in zip(*found, strict=True))
-    return fit_position_bias(errors, told)
+        raise InvalidInputError(f"{len(found)} pictures of {flights} flights give a position: {_FEWEST} are needed")
+    errors, covariances = (np.stack(part) for part in zip(*found, strict=True))
+    return fit_position_bias(errors, covariances)
 
 
 def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
-    """Errors [m] of found positions, and what is said of them without the floor that the flights assume [m^2]."""
+    """Position errors [m] and covariances without the floor that the flights assume [m^2]."""
     config = FilterConfig().for_field(arena.field.info)
-    assumed = config.floor_at(float(arena.field.spacing.max())).position_m
+    assumed = config.floor_at(arena.field.resolution).position_m
     for seed in range(_FIRST_SEED, _FIRST_SEED + flights):
         for step in fly_steps(arena, FlightTrial(None, seed, robot="quadrotor")):
             if step.update is None or step.update.outcome is not FilterOutcome.UPDATED:
                 continue  # of a picture that says little, little is believed, with any floor
             posterior = step.update.posterior
-            assert posterior is not None, "the last step of an update has the posterior"
             said = posterior.covariance[POSITION, POSITION].double().numpy()
             yield posterior.mean.local(step.truth)[POSITION].double().numpy(), said - assumed**2 * np.eye(3)

@@ -6,35 +6,130 @@ Each trial is one planner on one task. What a plan costs is measured alike for a
     effort      sum over steps of u' Gamma u
 """
 
-
 import statistics
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from functools import partial
 
 import torch
 
 from nerfnav.core.errors import MissingExtraError
-from nerfnav.experiments.figures import bars, panels
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.planner import OccupancyMap, Planner, PlanOutcome, PlanStep, Route, RRTConfig, collision_per_step, planners
+from nerfnav.core.steps import run_steps
+from nerfnav.experiments.arena import Arena, per_arena
+from nerfnav.experiments.figures import Figure, bars, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
+from nerfnav.planner import (
+    OccupancyMap,
+    Planner,
+    PlanOutcome,
+    PlanResult,
+    Route,
+    RRTConfig,
+    collision_per_step,
+    planners,
+)
 from nerfnav.planner.baselines.rrt import BallCheck, ball_check, require_ompl
 from nerfnav.planner.risk.costs import control
 from nerfnav.robots import Quadrotor
 from nerfnav.world import Task, judge
 
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-
 PLANNERS = ("nerfnav", "minsnap", "rrt")
-"""Who takes part: all whose libraries are installed; the summary names the others under `left_out`."""
+"""Contenders: all whose libraries are installed; the summary names the others under `left_out`."""
+ROBOT = Quadrotor()
+"""Robot of all contenders."""
 
 
-def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
-    """For each planner: its failures and what its plans cost on average."""
+def missing_planners() -> Row:
+    """Planners whose library is not installed, and what to do about it."""
+    try:
+        require_ompl()
+    except MissingExtraError as error:
+        return {"rrt": str(error)}
+    return {}
+
+
+def make_contender(arena: Arena, name: str, seed: int) -> Planner:
+    """The planner of that name, with its maps made before; `seed` is of what is random in it."""
+    occupancy, check = _maps(arena)
+    if name == "rrt":
+        tree = RRTConfig(seed=seed)
+        return planners.load("rrt").make(arena.field, ROBOT, tree, occupancy=occupancy, check=check)
+    known_as = {"nerfnav": "fast"}.get(name, name)
+    return planners.load(known_as).make(arena.field, ROBOT, occupancy=occupancy)
+
+
+@per_arena
+def _maps(arena: Arena) -> tuple[OccupancyMap, BallCheck]:
+    """Maps of the field for the planners, made once."""
+    occupancy = OccupancyMap.of(arena.field, ROBOT.body)
+    return occupancy, ball_check(arena.field, ROBOT, RRTConfig())
+
+
+_STEPS, _DT = 20, 0.1
+"""Length of a flight: 2 s, as in the paper."""
+_ARRIVED = 0.1
+"""Largest distance from the goal at the end of a flight [m]: one body."""
+_SAMPLES = 10
+"""Densities taken along each body point's path through a step to measure a collision cost, about 1 cm apart."""
+_NO_PLAN = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Trial of the experiment: one planner on one task."""
+
+    planner: str
+    """One of PLANNERS."""
+    task: Task
+    """From where to where."""
+    seed: int
+    """Of what is random in the planner, at least 1."""
+
+
+def run(study: Study) -> ExperimentSteps:
+    """Plan every task with every planner; a flight fails that touches, misses its goal, or has no plan."""
+    tasks, left_out = study.first(study.tasks, "tasks"), missing_planners()
+    flights = [
+        Flight(name, task, 1 + study.seed * len(tasks) + index)
+        for index, task in enumerate(tasks)
+        for name in PLANNERS
+        if name not in left_out
+    ]
+    rows = yield from run_trials(study, "planning", fly, flights)
+    note = {"left_out": left_out} if left_out else {}
+    return Results(summarize(rows) | note, tuple(rows), {"planners": partial(draw_figure, rows)})
+
+
+def fly(arena: Arena, flight: Flight) -> Row:
+    """Plan one flight and judge it."""
+    contender = make_contender(arena, flight.planner, flight.seed)
+    begun = time.perf_counter()
+    planned = run_steps(contender.plan(Route(flight.task.start_state, flight.task.goal_state, _STEPS, _DT)))
+    return _row(arena, flight, planned, 1e3 * (time.perf_counter() - begun))
+
+
+def _row(arena: Arena, flight: Flight, plan: PlanResult, plan_ms: float) -> Row:
+    motion, goal = plan.motion, flight.task.goal_state.position
+    report = judge(arena.scene, ROBOT.body, motion.states)
+    missed_m = (motion.states.position[-1] - goal).norm().item()
+    touched = bool(report.touched_poses.any())
+    return {
+        "task": flight.task.name,
+        "planner": flight.planner,
+        "outcome": plan.outcome.name.lower(),
+        "failed": touched or plan.outcome in _NO_PLAN or missed_m > _ARRIVED,
+        "touched": touched,
+        "max_overlap_m3": report.max_overlap_m3,
+        "goal_missed_by_m": missed_m,
+        "collision": collision_per_step(arena.field, motion, ROBOT.body, _SAMPLES).sum().item(),
+        "effort": control(motion, torch.tensor(ROBOT.action_weights)).item(),
+        "plan_ms": plan_ms,
+    }
+
+
+def summarize(rows: Sequence[Row]) -> dict[str, Row]:
+    """Summarize the failures and mean costs of each planner."""
     summary = {}
     for name in _contenders(rows):
         mine = [row for row in rows if row["planner"] == name]
@@ -51,14 +146,14 @@ def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
     return summary
 
 
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
+def draw_figure(rows: Sequence[Row]) -> Figure:
     """Bars as in the paper's figure, and every flight as a dot."""
     figure, (collision, effort, failures) = panels(("Collision cost (Eq. 1)", "Control effort", "Failed flights"))
     names = _contenders(rows)
     for axes, key, unit in ((collision, "collision", "sum of density x way"), (effort, "effort", "sum of u' Gamma u")):
-        spread = {name: [row[key] for row in rows if row["planner"] == name] for name in names}
+        samples = {name: [row[key] for row in rows if row["planner"] == name] for name in names}
         axes.set_yscale("log")
-        bars(axes, {name: statistics.fmean(values) for name, values in spread.items()}, unit + ", mean", spread)
+        bars(axes, {name: statistics.fmean(values) for name, values in samples.items()}, unit + ", mean", samples)
     failed = {name: float(sum(row["failed"] for row in rows if row["planner"] == name)) for name in names}
     bars(failures, failed, f"of {len(rows) // len(names)}")
     return figure
@@ -67,95 +162,3 @@ def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
 def _contenders(rows: Sequence[Row]) -> tuple[str, ...]:
     """The planners that took part, in the order of PLANNERS."""
     return tuple(name for name in PLANNERS if any(row["planner"] == name for row in rows))
-
-
-ROBOT = Quadrotor()
-"""What all of them plan for."""
-
-
-def missing() -> Row:
-    """Planners whose library is not installed, and what to do about it."""
-    try:
-        require_ompl()
-    except MissingExtraError as error:
-        return {"rrt": str(error)}
-    return {}
-
-
-def contender_for(arena: Arena, name: str, seed: int) -> Planner:
-    """The planner of that name, with its maps made before; `seed` is of what is random in it."""
-    occupancy, check = _maps(arena)
-    if name == "rrt":
-        tree = RRTConfig(seed=seed)
-        return planners.load("rrt").make(arena.field, ROBOT, tree, occupancy=occupancy, check=check)
-    known_as = {"nerfnav": "fast"}.get(name, name)
-    return planners.load(known_as).make(arena.field, ROBOT, occupancy=occupancy)
-
-
-@lru_cache(maxsize=2)
-def _maps(arena: Arena) -> tuple[OccupancyMap, BallCheck]:
-    """What planners know of the field, made once."""
-    occupancy = OccupancyMap.of(arena.field, ROBOT.body)
-    return occupancy, ball_check(arena.field, ROBOT, RRTConfig())
-
-
-_STEPS, _DT = 20, 0.1
-"""Length of a flight: 2 s, as in the paper."""
-_ARRIVED = 0.1
-"""How near to the goal a flight must end [m]: one body."""
-_SAMPLES = 10
-"""Densities taken along each body point's way through a step to measure a collision cost, about 1 cm apart."""
-_NO_PLAN = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
-
-
-@dataclass(frozen=True)
-class Flight:
-    """One trial."""
-
-    planner: str
-    """One of PLANNERS."""
-    task: Task
-    """From where to where."""
-    seed: int
-    """Of what is random in the planner, at least 1."""
-
-
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Plan every task with every planner; a flight fails that touches, misses its goal, or has no plan."""
-    tasks, left_out = study.first(study.tasks, "tasks"), missing()
-    flights = [
-        Flight(name, task, 1 + study.seed * len(tasks) + index)
-        for index, task in enumerate(tasks)
-        for name in PLANNERS
-        if name not in left_out
-    ]
-    rows = yield from run_trials(study, "planning", fly, flights)
-    told = {"left_out": left_out} if left_out else {}
-    yield Results(summary_of(rows) | told, tuple(rows), {"planners": partial(picture, rows)})
-
-
-def fly(arena: Arena, flight: Flight) -> Row:
-    """Plan one flight and judge it."""
-    contender = contender_for(arena, flight.planner, flight.seed)
-    begun = time.perf_counter()
-    *_, last = contender.plan(Route(flight.task.start_state, flight.task.goal_state, _STEPS, _DT))
-    return _row(arena, flight, last, 1e3 * (time.perf_counter() - begun))
-
-
-def _row(arena: Arena, flight: Flight, plan: PlanStep, plan_ms: float) -> Row:
-    motion, goal = plan.motion, flight.task.goal_state.position
-    report = judge(arena.scene, ROBOT.body, motion.states)
-    missed_m = (motion.states.position[-1] - goal).norm().item()
-    touched = bool(report.touched_poses.any())
-    return {
-        "task": flight.task.name,
-        "planner": flight.planner,
-        "outcome": plan.outcome.name.lower() if plan.outcome else "",
-        "failed": touched or plan.outcome in _NO_PLAN or missed_m > _ARRIVED,
-        "touched": touched,
-        "max_overlap_m3": report.max_overlap_m3,
-        "goal_missed_by_m": missed_m,
-        "collision": collision_per_step(arena.field, motion, ROBOT.body, _SAMPLES).sum().item(),
-        "effort": control(motion, torch.tensor(ROBOT.action_weights)).item(),
-        "plan_ms": plan_ms,
-    }

@@ -3,7 +3,7 @@
 Each task of a quadrotor is planned on the field and exported twice: as setpoints for PX4, which RotorPy's SE(3)
 controller follows with a quick attitude loop; and as polynomials for a Crazyflie, with a duration that its thrust
 allows, which Mellinger's controller follows, as the Crazyflie's firmware has it (drone-controllers). The files are
-read as others read them: with NumPy, and with nothing of nerfnav. What was flown is judged on the true mesh with the
+read without nerfnav, by NumPy. The flights are judged on the true mesh with the
 body that was planned for, and compared with the setpoints.
 
     quick        a multirotor of the mass, inertia and thrust that were planned for, with the rotors of RotorPy's
@@ -13,76 +13,38 @@ body that was planned for, and compared with the setpoints.
 Lee, Leok and McClamroch 2010 (SE(3)); Mellinger and Kumar 2011; Folk, Paulos and Kumar, "RotorPy", 2023.
 """
 
-
 import io
 import math
 import os
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import import_extra
-from nerfnav.experiments.figures import bars, panels
-from nerfnav.experiments.planners import ROBOT, contender_for
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.core.steps import run_steps
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.figures import Figure, bars, panels
+from nerfnav.experiments.planners import ROBOT, make_contender
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.export import Exported, Recording
+from nerfnav.export.autopilots import px4
 from nerfnav.export.crazyflie import FitConfig, crazyflie
-from nerfnav.export.px4 import px4
 from nerfnav.geometry import so3
-from nerfnav.planner import PlanStep, Route
+from nerfnav.planner import PlanResult, Route
 from nerfnav.robots import Quadrotor, QuadrotorConfig, RigidState
 from nerfnav.world import Task, judge
-
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-
-def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
-    """For each vehicle: how many flights were clean, and how far off they were (rms over all instants and flights)."""
-    summary = {}
-    for name in _vehicles(rows):
-        mine = [row for row in rows if row["vehicle"] == name]
-        flown = [row for row in mine if row["rms_mm"] is not None]
-        summary[name] = {
-            "exports": len(mine),
-            "refused": len(mine) - len(flown),
-            "clean": sum(bool(row["clean"]) for row in mine),
-            "clean_plans": sum(not row["plan_touched"] for row in mine),
-        }
-        if flown:
-            summary[name] |= {
-                "rms_mm": math.sqrt(statistics.fmean(row["rms_mm"] ** 2 for row in flown)),
-                "rms_mm_max": max(row["rms_mm"] for row in flown),
-                "max_mm": max(row["max_mm"] for row in flown),
-                "duration_s_mean": statistics.fmean(row["duration_s"] for row in flown),
-            }
-    return summary
-
-
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
-    """Errors of every flight as dots, and the largest of them as bars."""
-    figure, (rms, most) = panels(("Tracking error, rms", "Tracking error, largest"))
-    for axes, key in ((rms, "rms_mm"), (most, "max_mm")):
-        spread = {name: [row[key] for row in rows if row["vehicle"] == name and row[key]] for name in _vehicles(rows)}
-        bars(axes, {name: statistics.fmean(values) for name, values in spread.items() if values}, "mm, mean", spread)
-    return figure
-
-
-def _vehicles(rows: Sequence[Row]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(row["vehicle"] for row in rows))
-
 
 _USER = "the experiment reflight"
 
 
 @dataclass(frozen=True)
-class Wish:
+class Setpoint:
     """Setpoint of an instant: what is to be flown, ENU."""
 
     position: np.ndarray
@@ -99,9 +61,9 @@ class Wish:
 
 @dataclass(frozen=True)
 class Track:
-    """What a vehicle is told, and for how long."""
+    """Reference of a vehicle, and its duration."""
 
-    wish: Callable[[float], Wish]
+    setpoint: Callable[[float], Setpoint]
     """Setpoint at a time [s]; at rest at the last position after the end."""
     duration: float
     """[s]"""
@@ -109,12 +71,12 @@ class Track:
 
 @dataclass(frozen=True)
 class FlownConfig:
-    """How flights are simulated."""
+    """Options of the simulation."""
 
     rate_hz: int = 500
     """Of controllers and of the integration."""
     settling_s: float = 0.5
-    """How long the end is held."""
+    """Time for which the end is held [s]."""
     kp_att: float = 2000.0
     """Attitude gain of the quick loop [1/s^2]."""
     kd_att: float = 90.0
@@ -123,7 +85,7 @@ class FlownConfig:
 
 @dataclass(frozen=True)
 class Flown:
-    """Where a vehicle was, and should have been."""
+    """Simulated flight with its tracking error."""
 
     times: np.ndarray
     """(n,) [s]."""
@@ -134,10 +96,10 @@ class Flown:
     quaternion: np.ndarray
     """(n, 4), (x, y, z, w) of R_world_body."""
     error_m: np.ndarray
-    """(n,): distance from what was wished."""
+    """(n,): distance from the setpoint."""
 
 
-Control = Callable[[float, dict[str, Any], Wish], dict[str, Any]]
+Control = Callable[[float, dict[str, Any], Setpoint], dict[str, Any]]
 
 
 def fly_quick(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
@@ -145,8 +107,8 @@ def fly_quick(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
     params = _scaled(_params("hummingbird"), robot.config) | {"kp_att": config.kp_att, "kd_att": config.kd_att}
     controller = import_extra("rotorpy.controllers.quadrotor_control", "reflight", _USER).SE3Control(params)
 
-    def control(time: float, state: dict[str, Any], wish: Wish) -> dict[str, Any]:
-        return controller.update(time, state, _flat_output(wish))
+    def control(time: float, state: dict[str, Any], setpoint: Setpoint) -> dict[str, Any]:
+        return controller.update(time, state, _flat_output(setpoint))
 
     return _fly(params, "cmd_motor_speeds", control, track, config)
 
@@ -171,14 +133,15 @@ def fly_crazyflie(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
     attitude = library.parametrize(mellinger.attitude2force_torque, "cf2x_L250")
     errors: dict[str, Any] = {"position": None, "attitude": None, "rate": None}
 
-    def control(time: float, state: dict[str, Any], wish: Wish) -> dict[str, Any]:
+    def control(time: float, state: dict[str, Any], setpoint: Setpoint) -> dict[str, Any]:
         seen = {"pos": state["x"], "quat": state["q"], "vel": state["v"], "ang_vel": state["w"]}
-        asked = np.concatenate([wish.position, wish.velocity, wish.acceleration, [wish.yaw, 0.0, 0.0, wish.yaw_rate]])
-        attitude_wish, errors["position"] = position(
-            **seen, cmd=asked, ctrl_errors=_kept(errors["position"]), ctrl_freq=config.rate_hz
+        heading = [setpoint.yaw, 0.0, 0.0, setpoint.yaw_rate]
+        command = np.concatenate([setpoint.position, setpoint.velocity, setpoint.acceleration, heading])
+        attitude_setpoint, errors["position"] = position(
+            **seen, cmd=command, ctrl_errors=_previous(errors["position"]), ctrl_freq=config.rate_hz
         )
         force, torque, errors["attitude"] = attitude(
-            **seen, cmd=attitude_wish, prev_ang_vel=errors["rate"], ctrl_errors=_kept(errors["attitude"]),
+            **seen, cmd=attitude_setpoint, prev_ang_vel=errors["rate"], ctrl_errors=_previous(errors["attitude"]),
             ctrl_freq=config.rate_hz,
         )  # fmt: skip
         errors["rate"] = state["w"]
@@ -187,7 +150,7 @@ def fly_crazyflie(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
     return _fly(_params("crazyflie"), "cmd_ctbm", control, track, config)
 
 
-def _kept(error: Any) -> tuple[Any] | None:
+def _previous(error: Any) -> tuple[Any] | None:
     return None if error is None else (error,)
 
 
@@ -195,17 +158,18 @@ def _params(vehicle: str) -> dict[str, Any]:
     return dict(import_extra(f"rotorpy.vehicles.{vehicle}_params", "reflight", _USER).quad_params)
 
 
-def _flat_output(wish: Wish) -> dict[str, Any]:
+def _flat_output(setpoint: Setpoint) -> dict[str, Any]:
     still = np.zeros(3)
     return {
-        "x": wish.position, "x_dot": wish.velocity, "x_ddot": wish.acceleration, "x_dddot": still, "x_ddddot": still,
-        "yaw": wish.yaw, "yaw_dot": wish.yaw_rate,
+        "x": setpoint.position, "x_dot": setpoint.velocity, "x_ddot": setpoint.acceleration,
+        "x_dddot": still, "x_ddddot": still,
+        "yaw": setpoint.yaw, "yaw_dot": setpoint.yaw_rate,
     }  # fmt: skip
 
 
 def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Track, config: FlownConfig) -> Flown:
     """From rest at the first setpoint along the track, and for a while at its end."""
-    first, dt = track.wish(0.0), 1 / config.rate_hz
+    first, dt = track.setpoint(0.0), 1 / config.rate_hz
     hover = np.sqrt(params["mass"] * 9.81 / (params["num_rotors"] * params["k_eta"]))
     state = {
         "x": first.position.copy(), "v": np.zeros(3),
@@ -216,9 +180,9 @@ def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Trac
     vehicle = multirotor(params, state, abstraction, integrator_kwargs={"method": "RK23", "max_step": dt})
     rows = []
     for index in range(round((track.duration + config.settling_s) * config.rate_hz) + 1):
-        wish = track.wish(index * dt)
-        rows.append((index * dt, state["x"], state["v"], state["q"], np.linalg.norm(state["x"] - wish.position)))
-        state = vehicle.step(state, control(index * dt, state, wish), dt)
+        setpoint = track.setpoint(index * dt)
+        rows.append((index * dt, state["x"], state["v"], state["q"], np.linalg.norm(state["x"] - setpoint.position)))
+        state = vehicle.step(state, control(index * dt, state, setpoint), dt)
     return Flown(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -229,11 +193,11 @@ def track_of_px4(content: bytes) -> Track:
     position, velocity, acceleration = (_enu(rows[:, first : first + 3]) for first in (1, 4, 7))
     yaw, yaw_rate = np.pi / 2 - rows[:, 13], -rows[:, 14]
 
-    def wish(time: float) -> Wish:
+    def setpoint(time: float) -> Setpoint:
         row = max(0, int(np.searchsorted(seconds, time + 1e-9, side="right")) - 1)
-        return Wish(position[row], velocity[row], acceleration[row], float(yaw[row]), float(yaw_rate[row]))
+        return Setpoint(position[row], velocity[row], acceleration[row], float(yaw[row]), float(yaw_rate[row]))
 
-    return Track(wish, float(seconds[-1]))
+    return Track(setpoint, float(seconds[-1]))
 
 
 def track_of_crazyflie(content: bytes) -> Track:
@@ -243,15 +207,15 @@ def track_of_crazyflie(content: bytes) -> Track:
     derivatives = [[np.polynomial.Polynomial(row[1:].reshape(4, 8)[axis]) for axis in range(4)] for row in rows]
     orders = [[[one.deriv(order) for one in piece] for piece in derivatives] for order in (1, 2)]
 
-    def wish(time: float) -> Wish:
+    def setpoint(time: float) -> Setpoint:
         held = min(time, ends[-1])
         piece = min(int(np.searchsorted(ends, held)), len(rows) - 1)
         local = held - ends[piece] + rows[piece, 0]
         value, first, second = (np.array([one(local) for one in part[piece]]) for part in (derivatives, *orders))
         moving = float(time <= ends[-1])
-        return Wish(value[:3], moving * first[:3], moving * second[:3], float(value[3]), moving * float(first[3]))
+        return Setpoint(value[:3], moving * first[:3], moving * second[:3], float(value[3]), moving * float(first[3]))
 
-    return Track(wish, float(ends[-1]))
+    return Track(setpoint, float(ends[-1]))
 
 
 def _enu(ned: np.ndarray) -> np.ndarray:
@@ -269,10 +233,10 @@ answer within 70 ms, needs the rest."""
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Who flies which file."""
+    """Vehicle: its export format and simulator."""
 
     name: str
-    """What the table calls it."""
+    """Name in the table."""
     export: Callable[[Recording], Exported]
     """Makes the file."""
     track: Callable[[bytes], Track]
@@ -292,46 +256,82 @@ VEHICLES = (
 )
 
 
-def run(study: Study) -> Iterator[ExperimentStep]:
+def run(study: Study) -> ExperimentSteps:
     """Fly the exports of all tasks of quadrotors, here and in the places beside."""
     rows: list[Row] = []
     for where in (study, *study.beside):
         tasks = [task for task in where.tasks if task.robot == ROBOT.name]
-        answers = yield from run_trials(where, "flying again", reflown, where.first(tasks, "tasks of a quadrotor"))
+        answers = yield from run_trials(where, "flying again", fly_exports, where.first(tasks, "tasks of a quadrotor"))
         rows += [row for answer in answers for row in answer]
-    yield Results(summary_of(rows), tuple(rows), {"reflight": partial(picture, rows)})
+    return Results(summarize(rows), tuple(rows), {"reflight": partial(draw_figure, rows)})
 
 
-def reflown(arena: Arena, task: Task) -> list[Row]:
+def fly_exports(arena: Arena, task: Task) -> list[Row]:
     """Plan a task, and fly its exports."""
-    *_, plan = contender_for(arena, "nerfnav", 1).plan(Route(task.start_state, task.goal_state, _STEPS, _DT))
+    route = Route(task.start_state, task.goal_state, _STEPS, _DT)
+    plan = run_steps(make_contender(arena, "nerfnav", 1).plan(route))
     return [_row(arena, task, plan, vehicle) for vehicle in VEHICLES]
 
 
-def _row(arena: Arena, task: Task, plan: PlanStep, vehicle: Vehicle) -> Row:
-    told: Row = {
+def _row(arena: Arena, task: Task, plan: PlanResult, vehicle: Vehicle) -> Row:
+    known: Row = {
         "task": task.name,
         "vehicle": vehicle.name,
-        "plan": plan.outcome.name.lower() if plan.outcome else "",
+        "plan": plan.outcome.name.lower(),
         "plan_touched": bool(judge(arena.scene, ROBOT.body, plan.motion.states).touched_poses.any()),
     }
     try:
         exported = vehicle.export(Recording.of_plan(plan.motion, ROBOT, task.name, plan.outcome))
     except InvalidInputError as error:
-        return told | {"exported": str(error)} | dict.fromkeys(_MEASURED)
+        return known | {"exported": str(error)} | dict.fromkeys(_MEASURED)
     track = vehicle.track(exported.content)
     flown = vehicle.fly(track, ROBOT, FlownConfig())
     report = judge(arena.scene, ROBOT.body, poses_of(flown))
     rms, most = float(np.sqrt(np.mean(flown.error_m**2))), float(flown.error_m.max())
     clean = not bool(report.touched_poses.any())
     measured = (clean, report.max_overlap_m3, 1e3 * rms, 1e3 * most, track.duration)
-    return told | {"exported": "", **dict(zip(_MEASURED, measured, strict=True))}
+    return known | {"exported": "", **dict(zip(_MEASURED, measured, strict=True))}
 
 
 def poses_of(flown: Flown) -> RigidState:
-    """What was flown, some 50 times a second."""
+    """States of the simulated flight, about 50 times a second."""
     every = max(1, round(1 / (_JUDGED_HZ * float(flown.times[1]))))
     x, y, z, w = torch.from_numpy(flown.quaternion[::every]).float().unbind(-1)
     position, velocity = (torch.from_numpy(part[::every]).float() for part in (flown.position, flown.velocity))
     rotation = so3.matrix_from_quaternion(torch.stack([w, x, y, z], -1))
     return RigidState(position, velocity, rotation, torch.zeros_like(position))
+
+
+def summarize(rows: Sequence[Row]) -> dict[str, Row]:
+    """For each vehicle: how many flights were clean, and how far off they were (rms over all instants and flights)."""
+    summary = {}
+    for name in _vehicles(rows):
+        mine = [row for row in rows if row["vehicle"] == name]
+        flown = [row for row in mine if row["rms_mm"] is not None]
+        summary[name] = {
+            "exports": len(mine),
+            "refused": len(mine) - len(flown),
+            "clean": sum(bool(row["clean"]) for row in mine),
+            "clean_plans": sum(not row["plan_touched"] for row in mine),
+        }
+        if flown:
+            summary[name] |= {
+                "rms_mm": math.sqrt(statistics.fmean(row["rms_mm"] ** 2 for row in flown)),
+                "rms_mm_max": max(row["rms_mm"] for row in flown),
+                "max_mm": max(row["max_mm"] for row in flown),
+                "duration_s_mean": statistics.fmean(row["duration_s"] for row in flown),
+            }
+    return summary
+
+
+def draw_figure(rows: Sequence[Row]) -> Figure:
+    """Errors of every flight as dots, and the largest of them as bars."""
+    figure, (rms, most) = panels(("Tracking error, rms", "Tracking error, largest"))
+    for axes, key in ((rms, "rms_mm"), (most, "max_mm")):
+        samples = {name: [row[key] for row in rows if row["vehicle"] == name and row[key]] for name in _vehicles(rows)}
+        bars(axes, {name: statistics.fmean(values) for name, values in samples.items() if values}, "mm, mean", samples)
+    return figure
+
+
+def _vehicles(rows: Sequence[Row]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(row["vehicle"] for row in rows))

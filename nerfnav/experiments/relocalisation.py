@@ -4,37 +4,93 @@ Two kinds of pictures, all from the mesh. Both are taken at random places of the
 heading anywhere, with pitch and roll of 0.2 rad standard deviation:
 
     sighted   the mesh fills a quarter of the picture at least, as in the photographs that bundled fields learned from
-    any       whatever there is to see, which in an open place is often nothing but sky: what counts here is that a
-              picture that tells nothing is never taken for a place
+    any       any content, which in an open place is often sky alone: here a picture without information must
+              never be taken for a place
 """
 
-
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import RelocaliseConfig, RelocaliseOutcome
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import make_renderer, make_searcher
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.experiments.arena import Arena, make_renderer, make_searcher
+from nerfnav.experiments.figures import COLORS, Figure, draw_distribution, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.geometry import Pose, so3
 from nerfnav.robots import CAMERA
 from nerfnav.world import CaptureConfig, capture_poses
 
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-
 KINDS = {"sighted": 0.25, "any": 0.0}
 """Least share of the picture that the mesh fills."""
+RIGHT = {"position_m": 0.05, "rotation_deg": 5.0}
+"""An answer is right within this."""
+_TRIALS = 50
+_CLEARANCE = 0.15  # of a camera from anything [m]
+_FIRST_SEED = 9101  # of the poses, far from those of the photographs
 
 
-def summary_of(rows: Sequence[Row]) -> Row:
+@dataclass(frozen=True)
+class LostCamera:
+    """Trial of the experiment: one picture."""
+
+    kind: str
+    """Of KINDS."""
+    index: int
+    """Of the pose among those of its kind."""
+    pose: Pose
+    """True camera pose, T_world_camera."""
+
+
+def run(study: Study) -> ExperimentSteps:
+    """Search for every picture: `trials` sighted ones, and half as many of any kind."""
+    count = study.trials or _TRIALS
+    arena = study.open_arena()
+    trials = [
+        LostCamera(kind, index, poses[index])
+        for kind, number in (("sighted", count), ("any", -(-count // 2)))
+        for poses in [_poses(arena, kind, number, study.seed)]
+        for index in range(number)
+    ]
+    rows = yield from run_trials(study, "searching", search, trials)
+    return Results(summarize(rows), tuple(rows), {"relocalisation": partial(draw_figure, rows)})
+
+
+def search(arena: Arena, lost: LostCamera) -> Row:
+    """Take the picture, search, and judge the answer."""
+    picture = make_renderer(arena).render(CAMERA, lost.pose)
+    searcher = make_searcher(arena)
+    searcher.looks  # noqa: B018 - made once for all pictures, and not part of a search
+    begun = time.perf_counter()
+    result = run_steps(searcher.relocalise(picture.image))
+    seconds = time.perf_counter() - begun
+    last = result.step
+    turn = so3.local(lost.pose.rotation, last.poses.rotation[0]).norm()
+    errors = {
+        "position_m": (last.poses.position[0] - lost.pose.position).norm().item(),
+        "rotation_deg": torch.rad2deg(turn).item(),
+    }
+    return {"kind": lost.kind, "index": lost.index} | errors | {
+        "right": all(errors[name] <= bound for name, bound in RIGHT.items()),
+        "outcome": result.outcome.name.lower(),
+        "weight": last.weights[0].item(),
+        "difference_stds": last.differences[0].item() / searcher.noise.std,
+        "mesh_share": picture.depth.isfinite().float().mean().item(),
+        "seconds": seconds,
+    }  # fmt: skip
+
+
+def _poses(arena: Arena, kind: str, count: int, seed: int) -> Pose:
+    """Cameras T_world_camera, batch shape (count,)."""
+    config = CaptureConfig(images=count, inside_share=1.0, clearance=_CLEARANCE, seen_share=KINDS[kind])
+    return capture_poses(arena.scene, config, torch.Generator().manual_seed(_FIRST_SEED + seed))
+
+
+def summarize(rows: Sequence[Row]) -> Row:
     """For each kind of picture: how often the answer is right, how often it claims to be, and how long it takes."""
     return {kind: _summary([row for row in rows if row["kind"] == kind]) for kind in KINDS}
 
@@ -55,14 +111,12 @@ def _summary(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
-    """How many are how near, and how far off each is against how much it looks like the picture."""
+def draw_figure(rows: Sequence[Row]) -> Figure:
+    """Plot the distribution of position errors, and the errors against the colour difference."""
     figure, (near, cloud) = panels(("Share of pictures that are as near", "Can the picture tell?"))
     for kind, color in zip(KINDS, COLORS, strict=False):
         mine = [row for row in rows if row["kind"] == kind]
-        if mine:
-            errors = np.sort([row["position_m"] for row in mine])
-            near.step(errors, np.arange(1, len(mine) + 1) / len(mine), where="post", color=color, label=kind)
+        draw_distribution(near, [row["position_m"] for row in mine], color, kind)
         for found, marker in ((True, "o"), (False, "x")):
             some = [row for row in mine if (row["outcome"] == "found") == found]
             cloud.plot(
@@ -79,66 +133,3 @@ def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
 
 def _median(rows: Sequence[Row], name: str) -> float | None:
     return float(np.median([row[name] for row in rows])) if rows else None
-
-
-RIGHT = {"position_m": 0.05, "rotation_deg": 5.0}
-"""An answer is right within this."""
-_TRIALS = 50
-_CLEARANCE = 0.15  # of a camera from anything [m]
-_FIRST_SEED = 9101  # of the poses, far from those of the photographs
-
-
-@dataclass(frozen=True)
-class Lost:
-    """One trial."""
-
-    kind: str
-    """Of KINDS."""
-    index: int
-    """Of the pose among those of its kind."""
-    pose: Pose
-    """Where the camera is, T_world_camera."""
-
-
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Search for every picture: `trials` sighted ones, and half as many of any kind."""
-    count = study.trials or _TRIALS
-    arena = study.open_arena()
-    trials = [
-        Lost(kind, index, poses[index])
-        for kind, number in (("sighted", count), ("any", -(-count // 2)))
-        for poses in [_poses(arena, kind, number, study.seed)]
-        for index in range(number)
-    ]
-    rows = yield from run_trials(study, "searching", search, trials)
-    yield Results(summary_of(rows), tuple(rows), {"relocalisation": partial(picture, rows)})
-
-
-def search(arena: Arena, lost: Lost) -> Row:
-    """Take the picture, search, and judge the answer."""
-    picture = make_renderer(arena).render(CAMERA, lost.pose)
-    searcher = make_searcher(arena)
-    searcher.looks  # noqa: B018 - made once for all pictures, and not part of a search
-    begun = time.perf_counter()
-    *_, last = searcher.relocalise(picture.image)
-    seconds = time.perf_counter() - begun
-    assert last.outcome is not None, "the last step of a search has its outcome"
-    turn = so3.local(lost.pose.rotation, last.poses.rotation[0]).norm()
-    errors = {
-        "position_m": (last.poses.position[0] - lost.pose.position).norm().item(),
-        "rotation_deg": torch.rad2deg(turn).item(),
-    }
-    return {"kind": lost.kind, "index": lost.index} | errors | {
-        "right": all(errors[name] <= bound for name, bound in RIGHT.items()),
-        "outcome": last.outcome.name.lower(),
-        "weight": last.weights[0].item(),
-        "difference_stds": last.differences[0].item() / searcher.noise.std,
-        "mesh_share": picture.depth.isfinite().float().mean().item(),
-        "seconds": seconds,
-    }  # fmt: skip
-
-
-def _poses(arena: Arena, kind: str, count: int, seed: int) -> Pose:
-    """Cameras T_world_camera, batch shape (count,)."""
-    config = CaptureConfig(images=count, inside_share=1.0, clearance=_CLEARANCE, seen_share=KINDS[kind])
-    return capture_poses(arena.scene, config, torch.Generator().manual_seed(_FIRST_SEED + seed))

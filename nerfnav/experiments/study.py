@@ -1,40 +1,27 @@
 """Studies: run the trials of an experiment on one core, on many, or on a cluster.
 
-An experiment is a function that takes a Study and yields what it has done so far (TrialDone), and Results at last. It
-happens in an Arena, a scene with its trained field. A Journal notes the answers of trials that are done, so that an
-experiment that was interrupted goes on there.
+An experiment is a function that takes a Study, yields its progress (TrialDone), and returns its Results. It happens in
+an Arena, a scene with its trained field. A Journal records the answers of finished trials, so that an interrupted
+experiment continues there.
 
 To add one: write a file here with such a function, and name it in the app's table of experiments.
 """
-
 
 import json
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import import_extra
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.figures import Figure
 from nerfnav.experiments.flight_options import FlightOptions
-from nerfnav.field import VoxelField
-from nerfnav.world import Scene, Task
-
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-
-@dataclass(frozen=True, eq=False)
-class Arena:
-    """A world as it is and as it was learned: plan in one, judge on the other."""
-
-    scene: Scene
-    """The ground truth."""
-    field: VoxelField
-    """What was trained from its pictures."""
+from nerfnav.world import Task
 
 
 @dataclass(frozen=True)
@@ -44,10 +31,10 @@ class Journal:
     path: Path
     """The file; made with the first answer."""
     about: str
-    """What else the answers depend on: those that were noted about something else do not count."""
+    """Other inputs of the answers: notes with other inputs are ignored."""
 
     def answers(self, items: Sequence[Any]) -> dict[int, Any]:
-        """What was answered already, by index of the item; a line that was not written to its end does not count."""
+        """Recorded answers, by index of the item; an incomplete line is ignored."""
         if not self.path.exists():
             return {}
         noted = {}
@@ -78,14 +65,14 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Study:
-    """What an experiment works with."""
+    """Inputs of an experiment."""
 
     open_arena: Callable[[], Arena]
     """Opens the arena, once in each process; a named function, for it is sent to other processes."""
     tasks: tuple[Task, ...] = ()
     """Flights to try."""
     trials: int | None = None
-    """How many trials; None: as many as the experiment needs."""
+    """Number of trials; None: the experiment's default."""
     seed: int = 0
     """Of everything random."""
     jobs: int | None = None
@@ -95,7 +82,7 @@ class Study:
     flights: FlightOptions = field(default_factory=FlightOptions)
     """Of the experiment on whole flights."""
     journal: Journal | None = None
-    """Where trials are noted that are done, which are not done again; None: nowhere."""
+    """Journal of finished trials, which are not repeated; None: none."""
     beside: "tuple[Study, ...]" = ()
     """The same in further places, for experiments of more than one."""
 
@@ -115,10 +102,10 @@ class Study:
 
 @dataclass(frozen=True)
 class TrialDone:
-    """How far an experiment is."""
+    """Progress of an experiment."""
 
     label: str
-    """What is being done."""
+    """Current task."""
     done: int
     """Trials that are done."""
     total: int
@@ -127,22 +114,23 @@ class TrialDone:
 
 @dataclass(frozen=True)
 class Results:
-    """What an experiment found."""
+    """Results of an experiment."""
 
     summary: dict[str, Any]
     """Its numbers."""
     rows: tuple[Row, ...] = ()
     """Its table, one line for each trial."""
-    figures: dict[str, Callable[[], "matplotlib.figure.Figure"]] = field(default_factory=dict)
-    """What draws its pictures, by name; raises MissingExtraError without matplotlib."""
+    figures: dict[str, Callable[[], Figure]] = field(default_factory=dict)
+    """Functions that draw the figures, by name; they raise MissingExtraError without matplotlib."""
 
 
-ExperimentStep = TrialDone | Results
+ExperimentSteps = Generator[TrialDone, bool | None, Results]
+"""Experiment in progress: yields its progress and returns its results; what is sent to it is ignored."""
 
 
 def run_trials(
     study: Study, label: str, trial: Callable[[Arena, Item], Answer], items: Sequence[Item]
-) -> Generator[TrialDone, None, list[Answer]]:
+) -> Generator[TrialDone, bool | None, list[Answer]]:
     """Do a trial with every item, in any number of processes; returns the answers in the order of the items.
 
     `trial` and the items travel between processes: a function of a module, and plain values. With a journal the

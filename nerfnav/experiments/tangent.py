@@ -9,12 +9,10 @@ would be hopeless at full size, with either. For small errors the two planes are
 to turn, the more the single plane is bent against it: by half the angle in the direction of a step.
 """
 
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import median
-from typing import TYPE_CHECKING
 
 import torch
 
@@ -23,16 +21,12 @@ from nerfnav.estimator.paper.adam import descend
 from nerfnav.estimator.paper.cost import PoseCost
 from nerfnav.estimator.paper.retraction import retract
 from nerfnav.estimator.photometric.pyramid import View
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import held_out_poses
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.experiments.arena import Arena, held_out_poses
+from nerfnav.experiments.figures import COLORS, Figure, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.field import build_levels
 from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, TANGENT, RigidState, StateNoise
-
-if TYPE_CHECKING:
-    import matplotlib.figure
-
 
 METHODS = {"recursive": True, "single plane": False}
 """The contenders, and whether each steps in the tangent of the last state."""
@@ -40,57 +34,6 @@ ERRORS = (0.1, 0.3, 0.6, 1.0)
 """Errors of the first attitude [rad]."""
 ARRIVED_RAD, ARRIVED_M = 0.05, 0.05
 """A descent has converged that ends nearer to the truth than this, a pixel of 25 x 25."""
-
-
-def summary_of(rows: Sequence[Row]) -> Row:
-    """For each error: what is left in the end, and how soon the cost is within a tenth of its way down."""
-    return {
-        f"from_{error:g}_rad": {
-            method: _summary([row for row in rows if row["start_rad"] == error and row["method"] == method])
-            for method in METHODS
-        }
-        for error in ERRORS
-    }
-
-
-def _summary(rows: Sequence[Row]) -> Row:
-    runs = [[row for row in rows if row["seed"] == seed] for seed in sorted({row["seed"] for row in rows})]
-    arrived = [run[-1]["rotation_rad"] < ARRIVED_RAD and run[-1]["position_m"] < ARRIVED_M for run in runs]
-    return {
-        "trials": len(runs),
-        "converged": sum(arrived) / len(runs),
-        "final_cost_median": median(run[-1]["cost"] for run in runs),
-        "final_position_m_median": median(run[-1]["position_m"] for run in runs),
-        "final_rotation_rad_median": median(run[-1]["rotation_rad"] for run in runs),
-        "iterations_to_a_tenth_median": median(_iterations_down(run) for run in runs),
-    }
-
-
-def _iterations_down(run: Sequence[Row], left: float = 0.1) -> int:
-    """First iteration from which on no more than a share of the way down is left."""
-    costs = [row["cost"] for row in run]
-    bound = min(costs) + left * (costs[0] - min(costs))
-    return max((index + 1 for index, cost in enumerate(costs) if cost > bound), default=0)
-
-
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
-    """The error of the attitude over the iterations, from each first error: medians, and all trials."""
-    figure, axes = panels([f"From {error:g} rad" for error in ERRORS])
-    for error, drawn in zip(ERRORS, axes, strict=True):
-        for method, color, style in zip(METHODS, COLORS, ("-", "--"), strict=False):
-            mine = [row for row in rows if row["start_rad"] == error and row["method"] == method]
-            curves = torch.tensor([
-                [row["rotation_rad"] for row in mine if row["seed"] == seed]
-                for seed in sorted({row["seed"] for row in mine})
-            ])  # fmt: skip
-            drawn.plot(curves.T.numpy(), color=color, alpha=0.2, linewidth=0.6)
-            drawn.plot(curves.median(0).values.numpy(), style, color=color, label=method)
-        drawn.set(yscale="log", xlabel="iteration")
-    axes[0].set_ylabel("attitude error [rad]")
-    axes[0].legend(frameon=False)
-    return figure
-
-
 _PIXELS, _HALVINGS = 128, 3
 _OFF = 0.02
 """Error of the first position, along each axis [m]."""
@@ -120,7 +63,7 @@ _RATE = 0.05
 
 @dataclass(frozen=True)
 class Start:
-    """One trial."""
+    """Trial of the experiment: one first error."""
 
     seed: int
     """Of the place and the error."""
@@ -130,13 +73,13 @@ class Start:
     """Adam's steps."""
 
 
-def run(study: Study) -> Iterator[ExperimentStep]:
-    """Go down from every start both ways; the table has a line for each start, method and iteration."""
+def run(study: Study) -> ExperimentSteps:
+    """Descend from every start with both methods; the table has a line for each start, method and iteration."""
     seeds = range(study.seed, study.seed + (study.trials or _TRIALS))
     starts = [Start(seed, error) for error in ERRORS for seed in seeds]
     tables = yield from run_trials(study, "going down", compare, starts)
     rows = tuple(row for table in tables for row in table)
-    yield Results(summary_of(rows), rows, {"tangent": partial(picture, rows)})
+    return Results(summarize(rows), rows, {"tangent": partial(draw_figure, rows)})
 
 
 def compare(arena: Arena, start: Start) -> list[Row]:
@@ -153,3 +96,53 @@ def compare(arena: Arena, start: Start) -> list[Row]:
                 "rotation_rad": off[ATTITUDE].norm().item(),
             })  # fmt: skip
     return rows
+
+
+def summarize(rows: Sequence[Row]) -> Row:
+    """Summarize the final errors for each first error, and the iterations until the cost is within a tenth of its
+    descent."""
+    return {
+        f"from_{error:g}_rad": {
+            method: _summary([row for row in rows if row["start_rad"] == error and row["method"] == method])
+            for method in METHODS
+        }
+        for error in ERRORS
+    }
+
+
+def _summary(rows: Sequence[Row]) -> Row:
+    runs = [[row for row in rows if row["seed"] == seed] for seed in sorted({row["seed"] for row in rows})]
+    arrived = [run[-1]["rotation_rad"] < ARRIVED_RAD and run[-1]["position_m"] < ARRIVED_M for run in runs]
+    return {
+        "trials": len(runs),
+        "converged": sum(arrived) / len(runs),
+        "final_cost_median": median(run[-1]["cost"] for run in runs),
+        "final_position_m_median": median(run[-1]["position_m"] for run in runs),
+        "final_rotation_rad_median": median(run[-1]["rotation_rad"] for run in runs),
+        "iterations_to_a_tenth_median": median(_iterations_down(run) for run in runs),
+    }
+
+
+def _iterations_down(run: Sequence[Row], left: float = 0.1) -> int:
+    """First iteration from which on no more than a share of the descent is left."""
+    costs = [row["cost"] for row in run]
+    bound = min(costs) + left * (costs[0] - min(costs))
+    return max((index + 1 for index, cost in enumerate(costs) if cost > bound), default=0)
+
+
+def draw_figure(rows: Sequence[Row]) -> Figure:
+    """The error of the attitude over the iterations, from each first error: medians, and all trials."""
+    figure, axes = panels([f"From {error:g} rad" for error in ERRORS])
+    for error, drawn in zip(ERRORS, axes, strict=True):
+        for method, color, style in zip(METHODS, COLORS, ("-", "--"), strict=False):
+            mine = [row for row in rows if row["start_rad"] == error and row["method"] == method]
+            curves = torch.tensor([
+                [row["rotation_rad"] for row in mine if row["seed"] == seed]
+                for seed in sorted({row["seed"] for row in mine})
+            ])  # fmt: skip
+            drawn.plot(curves.T.numpy(), color=color, alpha=0.2, linewidth=0.6)
+            drawn.plot(curves.median(0).values.numpy(), style, color=color, label=method)
+        drawn.set(yscale="log", xlabel="iteration")
+    axes[0].set_ylabel("attitude error [rad]")
+    axes[0].legend(frameon=False)
+    return figure

@@ -1,5 +1,5 @@
-"""Taking plans and episodes away: to files, robots and viewers."""
+"""Export of plans and flights: to files, robots and viewers."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -32,10 +32,10 @@ _TICK = 2.0**-16  # [s]
 
 @dataclass(frozen=True)
 class FitConfig:
-    """How closely the polynomials follow the curve."""
+    """Tolerances of the polynomial fit."""
 
     bound_m: float = 0.05
-    """What cannot be met within this is refused [m]."""
+    """Largest error of the fit; above it the export is refused [m]."""
     steps_per_piece: int = 2
     """Time steps that a piece covers, as far as the memory allows."""
     samples_per_step: int = 4
@@ -49,14 +49,14 @@ class FitConfig:
 
 
 def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported:
-    """The curve as polynomial pieces; says how far they are off at most, and what they ask of the robot.
+    """Fit polynomial pieces to the curve; the info holds the largest error and the demands on the robot.
 
     Raises InvalidInputError where no 31 pieces come within the bound, or the robot's limits are not kept even slowly.
     """
     config = config or FitConfig()
-    curve, room = curve_of(recording), QuadrotorLimits.of(quadrotor_of(recording))
+    curve, limits = curve_of(recording), QuadrotorLimits.of(quadrotor_of(recording))
     if config.thrust_per_weight is not None:
-        room = room.with_thrust(config.thrust_per_weight)
+        limits = limits.with_thrust(config.thrust_per_weight)
     steps = len(recording.times) - 1
     count = max(_FEWEST_PIECES, min(MOST_PIECES, steps // config.steps_per_piece))
     shape = _fitted(curve, count, steps * config.samples_per_step, config)
@@ -67,17 +67,17 @@ def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported
             f"polynomials follow this curve only to {100 * worst:.1f} cm, and {100 * config.bound_m:.0f} cm "
             f"is the bound: export less than these {curve.duration:.0f} s, for {MOST_PIECES} pieces are the most"
         )
-    flown = slow_down(curve, slowdown_within(shape, room))
+    flown = slow_down(curve, slowdown_within(shape, limits))
     duration = math.ceil(flown.duration / count / _TICK) * _TICK
     shape = PiecewisePolynomial(duration * torch.arange(count + 1, dtype=torch.float64), shape.coefficients)
-    told = {"pieces": count, "max_fit_error_m": worst, "max_fit_error_rad": float(off[:, 3].max())}
-    told |= {"motion": flown.motion, "stretched_by": curve.stretched_by * duration * count / curve.duration}
-    return Exported(_csv(shape), told | {"off_rows_m": flown.off_m} | demands_of(shape, room), shape)
+    info = {"pieces": count, "max_fit_error_m": worst, "max_fit_error_rad": float(off[:, 3].max())}
+    info |= {"motion": flown.motion, "stretched_by": curve.stretched_by * duration * count / curve.duration}
+    return Exported(_csv(shape), info | {"off_rows_m": flown.off_m} | demands_of(shape, limits), shape)
 
 
-def demands_of(shape: PiecewisePolynomial, room: QuadrotorLimits) -> dict[str, float]:
-    """What a curve asks of a quadrotor, as exports tell it."""
-    most = peak_demands(shape, room)
+def demands_of(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> dict[str, float]:
+    """Demands of a curve on a quadrotor, as exports report them."""
+    most = peak_demands(shape, limits)
     return {
         "duration_s": float(shape.times[-1]),
         "max_thrust_n": most["thrust"],
@@ -86,15 +86,6 @@ def demands_of(shape: PiecewisePolynomial, room: QuadrotorLimits) -> dict[str, f
         "max_speed_mps": most["speed"],
         "end_speed_mps": float(shape(shape.times[-1:], 1)[0, :3].norm()),
     }
-
-
-def pieces_of_csv(text: str) -> PiecewisePolynomial:
-    """The curve that a file tells which `crazyflie` wrote."""
-    _, *rows = csv.reader(io.StringIO(text))
-    numbers = np.array(rows, dtype=np.float64)
-    spans, powers = numbers[:, 0], numbers[:, 1:].reshape(-1, 4, ORDER + 1)
-    shares = np.swapaxes(powers * spans[:, None, None] ** np.arange(ORDER + 1), 1, 2)
-    return PiecewisePolynomial(torch.from_numpy(np.append(0.0, spans.cumsum())), torch.from_numpy(shares.copy()))
 
 
 def _fitted(curve: Curve, count: int, samples: int, config: FitConfig) -> PiecewisePolynomial:

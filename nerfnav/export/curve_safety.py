@@ -17,7 +17,7 @@ RATE_HZ = 50
 
 @dataclass(frozen=True)
 class CurveSafety:
-    """What the field says of a curve."""
+    """Safety of a curve in a field."""
 
     outcome: PlanOutcome
     """CONVERGED, or what is wrong with it."""

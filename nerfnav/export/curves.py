@@ -1,4 +1,4 @@
-"""Smooth curves of x, y, z [m] and yaw [rad] over time, as vehicles follow them, made of the rows of a recording.
+"""Smooth curves of x, y, z [m] and yaw [rad] over time, as vehicles follow them, from the rows of a recording.
 
 The discrete dynamics hold a velocity v_k for the whole step from t_k to t_k+1 and jump to the next, so neither v_k nor
 its differences belong to the instant t_k. The curve of a plan is the uniform cubic B-spline whose control points are
@@ -35,12 +35,12 @@ _AT_REST = 1e-6  # [m/s]
 
 @dataclass(frozen=True)
 class SmoothConfig:
-    """How flights are smoothed."""
+    """Options of the smoothing of flights."""
 
     smoothings: tuple[float, ...] = tuple(10.0**-power for power in range(2, 13))
     """Weights of the squared snap that are tried, the smoothest first [s^7]."""
     bound_m: float = 0.05
-    """How far the curve may be from the rows [m]."""
+    """Largest distance of the curve from the rows [m]."""
     rows_per_piece: int = 2
     """Rows that a polynomial covers."""
     most_pieces: int = 600
@@ -49,7 +49,7 @@ class SmoothConfig:
 
 @dataclass(frozen=True)
 class Curve:
-    """What a vehicle is to follow."""
+    """Reference curve for a vehicle."""
 
     shape: PiecewisePolynomial
     """x, y, z [m], ENU, and yaw [rad], counter-clockwise from east."""
@@ -58,11 +58,11 @@ class Curve:
     off_m: float
     """Largest distance from the rows [m]: corners that are cut, or jumps that are smoothed."""
     stretched_by: float = 1.0
-    """How many times as long as the rows it takes, to keep the robot's limits."""
+    """Duration relative to the rows, to keep the robot's limits."""
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Duration of the curve [s]."""
         return float(self.shape.times[-1])
 
     def at(self, times: np.ndarray, order: int = 0) -> np.ndarray:
@@ -76,11 +76,11 @@ def curve_of(recording: Recording, config: SmoothConfig | None = None) -> Curve:
     Raises InvalidInputError where the robot does not fly by tilting, fewer than three rows are there, or no slowness
     keeps its limits.
     """
-    room = QuadrotorLimits.of(quadrotor_of(recording))
+    limits = QuadrotorLimits.of(quadrotor_of(recording))
     if len(recording.times) < 3:
         raise InvalidInputError(f"setpoints need at least three states, and there are {len(recording.times)}")
     curve = _smoothed(recording, config or SmoothConfig()) if recording.steps else _spline(recording)
-    return slow_down(curve, slowdown_within(curve.shape, room))
+    return slow_down(curve, slowdown_within(curve.shape, limits))
 
 
 def quadrotor_of(recording: Recording) -> Quadrotor:
@@ -139,7 +139,7 @@ def _smoothed(recording: Recording, config: SmoothConfig) -> Curve:
 
 
 def slow_down(curve: Curve, factor: float) -> Curve:
-    """The same way in so many times the time."""
+    """Slow a curve down by a factor along the same path."""
     shape = PiecewisePolynomial(curve.shape.times * factor, curve.shape.coefficients)
     return replace(curve, shape=shape, stretched_by=curve.stretched_by * factor)
 

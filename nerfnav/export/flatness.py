@@ -24,7 +24,7 @@ _TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class QuadrotorLimits:
-    """What a quadrotor can do at most."""
+    """Limits of a quadrotor."""
 
     mass: float
     """[kg]"""
@@ -46,22 +46,22 @@ class QuadrotorLimits:
         return replace(self, most=self.most | {name: min(less[name], self.most.get(name, np.inf)) for name in less})
 
 
-def peak_demands(shape: PiecewisePolynomial, room: QuadrotorLimits) -> dict[str, float]:
+def peak_demands(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> dict[str, float]:
     """The most that a curve of x, y, z [m] and yaw [rad] asks: thrust [N], tilt [rad], speed [m/s], body rate [rad/s].
     """
     times = _times(shape)
-    return _asked([shape(times, order).numpy() for order in range(1, 4)], room, 1.0)
+    return _peak_demands([shape(times, order).numpy() for order in range(1, 4)], limits, 1.0)
 
 
-def slowdown_within(shape: PiecewisePolynomial, room: QuadrotorLimits) -> float:
-    """How many times as long a curve must take to keep within bounds, at least 1.
+def slowdown_within(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> float:
+    """Find the factor, at least 1, by which a curve must slow down to keep within bounds.
 
     Raises InvalidInputError where no such factor up to 6 is found.
     """
     times = _times(shape)
     derivatives = [shape(times, order).numpy() for order in range(1, 4)]
     factor = 1.0
-    while over := _over(_asked(derivatives, room, factor), room):
+    while over := _over(_peak_demands(derivatives, limits, factor), limits):
         factor *= _GROWTH
         if factor > _SLOWEST:
             raise InvalidInputError(
@@ -76,22 +76,22 @@ def _times(shape: PiecewisePolynomial) -> torch.Tensor:
     return torch.cat([times.reshape(-1), shape.times[-1:]])
 
 
-def _asked(derivatives: list[np.ndarray], room: QuadrotorLimits, factor: float) -> dict[str, float]:
+def _peak_demands(derivatives: list[np.ndarray], limits: QuadrotorLimits, factor: float) -> dict[str, float]:
     velocity, acceleration, jerk = (values / factor**order for order, values in enumerate(derivatives, 1))
-    pull = acceleration[:, :3] + np.array([0.0, 0.0, room.gravity])
+    pull = acceleration[:, :3] + np.array([0.0, 0.0, limits.gravity])
     size = np.maximum(np.linalg.norm(pull, axis=-1), 1e-9)
     axis = pull / size[:, None]
     across = (jerk[:, :3] - (axis * jerk[:, :3]).sum(-1, keepdims=True) * axis) / size[:, None]
     rate = np.hypot(np.linalg.norm(across, axis=-1), velocity[:, 3] * axis[:, 2])
     return {
-        "thrust": float(room.mass * size.max()),
+        "thrust": float(limits.mass * size.max()),
         "tilt": float(np.arctan2(np.hypot(axis[:, 0], axis[:, 1]), axis[:, 2]).max()),
         "speed": float(np.linalg.norm(velocity[:, :3], axis=-1).max()),
         "body rate": float(rate.max()),
     }
 
 
-def _over(used: dict[str, float], room: QuadrotorLimits) -> str:
-    """What is above its bound, in words; empty where nothing is."""
-    broken = [name for name, bound in room.most.items() if name in used and used[name] > (1 + _TOLERANCE) * bound]
-    return ", ".join(f"{name} {used[name]:.3g} above {room.most[name]:.3g}" for name in broken)
+def _over(used: dict[str, float], limits: QuadrotorLimits) -> str:
+    """Names and values above their bounds; empty where there are none."""
+    broken = [name for name, bound in limits.most.items() if name in used and used[name] > (1 + _TOLERANCE) * bound]
+    return ", ".join(f"{name} {used[name]:.3g} above {limits.most[name]:.3g}" for name in broken)

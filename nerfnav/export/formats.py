@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.registry import Registry
-from nerfnav.export.ardupilot import ardupilot
+from nerfnav.export.autopilots import ardupilot, px4, px4_odometry
 from nerfnav.export.crazyflie import crazyflie
 from nerfnav.export.curve_safety import judge_curve
 from nerfnav.export.curves import quadrotor_of
 from nerfnav.export.gltf import gltf
-from nerfnav.export.px4 import px4, px4_odometry
 from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.replay import replay
@@ -20,37 +19,36 @@ from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import FLYABLE, PiecewisePolynomial, PlanOutcome
 
-_HURT = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
+_ENDED_BADLY = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
 """Outcomes of flights that no vehicle should repeat."""
 
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """A format."""
+    """Export format: name, file ending, purpose and writer."""
 
     name: str
-    """What users call it, as in `--format`."""
+    """Name, as in `--format`."""
     ending: str
     """Of its files."""
     purpose: str
-    """What it is for, in a few words."""
+    """Purpose in a few words."""
     make: Callable[[Recording], Exported]
     """Makes the content of a file."""
     flights_only: bool = False
-    """Whether plans have nothing to put into it."""
+    """Exports flights only: plans lack its content."""
     shows_place: bool = False
-    """Whether the surface of the place goes into it."""
+    """Contains the surface of the place."""
     moves_vehicle: bool = False
-    """Whether a vehicle flies what it says."""
+    """Commands a vehicle."""
     needs_datum: bool = False
-    """Whether it must know where on Earth the world is."""
+    """Needs the world's origin on Earth."""
 
     def exported(self, recording: Recording, force: bool = False) -> Exported:
-        """The content of a file.
+        """Make the content of a file.
 
-        What a vehicle is to follow is judged on the field that the recording knows. Raises InvalidInputError for what
-        should not be flown, unless that is forced (`--force` on the command line), and where the format cannot take
-        the recording.
+        Curves for vehicles are judged on the recording's field. Raises InvalidInputError for motions that should not
+        be flown, unless that is forced (`--force` on the command line), and where the format cannot take the recording.
         """
         why = explain_unsafe(_ending(recording), self)
         if why and not force:
@@ -60,19 +58,20 @@ class ExportFormat:
 
 
 def explain_unsafe(ended: PlanOutcome | EpisodeOutcome | None, form: ExportFormat) -> str:
-    """Why what ended so should not be flown, in words; empty where nothing is known against it.
+    """Explain why a motion with this outcome should not be flown; empty where it may be.
 
-    A plan must have ended well whatever the format is; a flight is a record, and only what moves a vehicle repeats it.
+    A plan must have a good outcome for every format; a flight is a record, and only formats that command a vehicle
+    repeat it.
     """
     if isinstance(ended, PlanOutcome) and ended not in FLYABLE:
         return f"this plan is not to be flown: {ended.value}"
-    if form.moves_vehicle and ended in _HURT:
+    if form.moves_vehicle and ended in _ENDED_BADLY:
         return f"this flight is not to be flown again: {ended.value}"
     return ""
 
 
 def _on_the_field(exported: Exported, curve: PiecewisePolynomial, recording: Recording, force: bool) -> Exported:
-    """The file, with what the field says of its curve; nothing is said where no field is known."""
+    """Add the safety of the file's curve in the field; None where no field is known."""
     if recording.field is None:
         return replace(exported, info=exported.info | {"curve": None})
     found = judge_curve(recording.field, curve, quadrotor_of(recording))
@@ -81,12 +80,12 @@ def _on_the_field(exported: Exported, curve: PiecewisePolynomial, recording: Rec
             f"the curve that the vehicle would fly is not to be flown, for it cuts the corners of what was planned: "
             f"{found.outcome.value}; plan with more room or time, or export it by force (--force)"
         )
-    told = {
+    safety = {
         "outcome": found.outcome.name.lower(),
         "collision_probability_bound": found.bound,
         "min_clearance_m": found.min_clearance_m,
     }
-    return replace(exported, info=exported.info | {"curve": told})
+    return replace(exported, info=exported.info | {"curve": safety})
 
 
 def _ending(recording: Recording) -> PlanOutcome | EpisodeOutcome | None:

@@ -1,7 +1,7 @@
 """glTF animation: the path and the robot on it as binary glTF, for Blender and every viewer of models.
 
 glTF is Y-up, the library Z-up: the root node turns the world by -90 degrees about x, so what stands below it keeps
-the library's numbers. Below it are the path (lines; of a flight also the believed path), and a box of the
+the library's numbers. Below it are the path (lines; of a flight also the estimated path), and a box of the
 body's size whose translation [m] and rotation (x, y, z, w) are animated in real time.
 """
 
@@ -19,17 +19,17 @@ _COLORS = {"truth": (0.0, 0.84, 1.0), "belief": (1.0, 0.27, 0.0), "robot": (0.0,
 
 
 def gltf(recording: Recording) -> Exported:
-    """The way, the believed way, and the moving robot."""
+    """Export the path, the estimated path and the moving robot."""
     document = _Document({"title": recording.title, "outcome": recording.outcome or "not known"})
-    ways = {"truth": recording.position.numpy()}
-    if recording.believed is not None:
-        ways["belief"] = recording.believed[:, :3].numpy()
-    for name, points in ways.items():
+    paths = {"truth": recording.position.numpy()}
+    if recording.estimated_poses is not None:
+        paths["belief"] = recording.estimated_poses[:, :3].numpy()
+    for name, points in paths.items():
         document.add_node(name, document.add_mesh(name, points, _pairs(len(points)), _LINES))
     corners, triangles = _box(recording.extents)
     robot = document.add_node("robot", document.add_mesh("robot", corners, triangles, _TRIANGLES))
     document.animate(robot, recording.times.numpy(), recording.position.numpy(), recording.quaternion.numpy())
-    return Exported(document.packed(), {"nodes": [*ways, "robot"]})
+    return Exported(document.packed(), {"nodes": [*paths, "robot"]})
 
 
 class _Document:

@@ -10,7 +10,6 @@ the node above them turns the world by -90 degrees about x, so vertices keep the
 northernmost, and `origin` is the lower left corner.
 """
 
-
 import io
 import json
 from collections.abc import Callable
@@ -65,7 +64,7 @@ def _surface(grid: OccupancyGrid, chosen: Bool[np.ndarray, "nx ny nz"]) -> "trim
 
 
 _EMPTY = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
-"""A glTF of nothing: all is free."""
+"""Empty glTF: all is free."""
 
 
 _OCCUPIED_FROM, _FREE_BELOW = 0.65, 0.196
@@ -74,9 +73,9 @@ _SHADES = {Occupancy.FREE: 254, Occupancy.SOLID: 0, Occupancy.UNPROVEN: 205}
 
 
 def map_files(grid: OccupancyGrid, ending: str, stem: str, height: float | None = None) -> dict[str, bytes]:
-    """The files, by their names, that a map called `stem` with an ending of `ENDINGS` consists of.
+    """Make the files of a map called `stem` with an ending of `ENDINGS`, by name.
 
-    `height` [m] says which layer a map of ROS shows (default: the middle one). Raises UnknownNameError, which lists the
+    `height` [m] selects the layer of a map of ROS (default: the middle one). Raises UnknownNameError, which lists the
     endings, and InvalidInputError for a height that is not in the map or that the ending has no use for.
     """
     check_ending(ending, height)
@@ -84,7 +83,7 @@ def map_files(grid: OccupancyGrid, ending: str, stem: str, height: float | None 
 
 
 def check_ending(ending: str, height: float | None = None) -> None:
-    """Raise what `map_files` would, as far as that can be told without a map."""
+    """Raise the errors of `map_files` that need no map."""
     if ending not in ENDINGS:
         raise UnknownNameError("kind of map with the ending", ending, ENDINGS)
     if height is not None and ending not in _FLAT:

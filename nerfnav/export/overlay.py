@@ -15,14 +15,14 @@ from nerfnav.tracking import TrackedFrame
 _GAIN = 3.0
 """The difference is shown so many times as large."""
 _COLORS = {True: (255, 255, 255), False: (255, 80, 80)}
-"""Of the words: by whether the picture told the pose."""
+"""Text colour: white for a pose from the picture, red for none."""
 
 
 class OverlayVideo:
     """Writes an MP4 file, one frame after the other; a context manager."""
 
     def __init__(self, path: Path, fps: float) -> None:
-        """Nothing is written yet; `fps` is how fast it is played [1/s]."""
+        """Prepare the file; `fps` is the frame rate [1/s]."""
         self._path, self._fps, self._size = path, fps, (0, 0)
         self._writer: cv2.VideoWriter | None = None
 
@@ -48,7 +48,7 @@ class OverlayVideo:
         dark = torch.zeros_like(picture)
         off = dark if shown is None else (_GAIN * (picture.int() - shown.int()).abs()).clamp_max(255).to(torch.uint8)
         row = torch.cat([picture, dark if shown is None else shown, off], 1).numpy().copy()
-        words = f"{tracked.time:.2f} s  {tracked.status.name.lower().replace('_', ' ')}{_spread(tracked)}"
+        words = f"{tracked.time:.2f} s  {tracked.status.name.lower().replace('_', ' ')}{_accuracy_text(tracked)}"
         cv2.putText(row, words, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, _COLORS[tracked.status.updated], 1)
         self._open(row).write(np.ascontiguousarray(row[..., ::-1]))
 
@@ -63,7 +63,7 @@ class OverlayVideo:
         return self._writer
 
 
-def _spread(tracked: TrackedFrame) -> str:
+def _accuracy_text(tracked: TrackedFrame) -> str:
     covariance = tracked.covariance
     if covariance is None:
         return ""

@@ -1,13 +1,13 @@
 """Mission of QGroundControl (.plan): waypoints in degrees, for flights by satellite navigation.
 
-A world in metres says nothing of degrees: its origin's latitude, longitude and height (the datum) must be given, and
-its y axis points north. In the plane that touches the ellipsoid of WGS 84 there, with the radii of curvature M of the
-meridian and N of the prime vertical,
+A world in metres has no geographic coordinates: its origin's latitude, longitude and height (the datum) must be
+given, and its y axis points north. In the plane that touches the ellipsoid of WGS 84 there, with the radii of curvature
+M of the meridian and N of the prime vertical,
 
     latitude = lat_0 + north / (M + h)        longitude = lon_0 + east / ((N + h) cos lat_0)
 
 Waypoints are the corners of the path, simplified (Ramer, Douglas and Peucker). Satellite navigation is off by metres:
-what was planned between walls is not flown so.
+do not fly plans between walls this way.
 """
 
 import json
@@ -27,7 +27,7 @@ _SEMI_MAJOR, _ECCENTRICITY_2 = 6378137.0, 6.69437999014e-3
 _WAYPOINT, _GLOBAL_FRAME, _ABSOLUTE = 16, 0, 2
 """MAV_CMD_NAV_WAYPOINT, MAV_FRAME_GLOBAL, QGroundControl's mode of altitudes above sea level."""
 _OFF_M = 0.02
-"""How far the path may be from the lines between waypoints [m]."""
+"""Largest distance of the path from the lines between waypoints [m]."""
 _SAMPLE_S = 0.05
 _PACE_MPS = 1
 """The mission's speed [m/s]."""
@@ -94,7 +94,7 @@ def _corners(curve: Curve) -> np.ndarray:
 
 
 def _straight(rows: np.ndarray) -> PiecewisePolynomial:
-    """The lines between waypoints (n, 4), at a steady and slow pace: it is the way that counts."""
+    """Lines between waypoints (n, 4), at a constant and slow speed: only the path counts."""
     spans = np.maximum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=-1) / _PACE_MPS, _SAMPLE_S)
     coefficients = np.stack([rows[:-1], np.diff(rows, axis=0)], 1)
     return PiecewisePolynomial(torch.from_numpy(np.append(0.0, spans.cumsum())), torch.from_numpy(coefficients))

@@ -18,31 +18,31 @@ from nerfnav.robots import Motion, Robot, unwrap_angles
 
 @dataclass(frozen=True)
 class Recording:
-    """Something that can be taken away."""
+    """Recording of a plan or a flight, ready for export."""
 
     table: Table
     """Time, states and actions; of a flight also the belief."""
     steps: tuple[NavigationStep, ...] = ()
     """Time steps of a flight; empty for a plan."""
     title: str = ""
-    """What it is, for people."""
+    """Title for people."""
     extents: tuple[float, float, float] = (0.1, 0.1, 0.04)
     """Edge lengths of the robot's body [m]."""
     surface: bytes | None = None
     """The place's surface as unlit binary glTF in world axes; None where it is not known."""
     robot: Robot | None = None
-    """Who it is for; None where only its name is known."""
+    """Robot of the motion; None where only its name is known."""
     field: Field | None = None
-    """What it was planned in, as planners see it; None where that is not known: no vehicle's curve is judged then."""
+    """Field of the plan, as planners see it; None where it is not known: no vehicle's curve is judged then."""
     datum: tuple[float, float, float] | None = None
-    """Where on Earth the world's origin is: latitude and longitude [deg], height above the ellipsoid or sea [m]."""
+    """World's origin on Earth: latitude and longitude [deg], height above the ellipsoid or sea [m]."""
 
     @classmethod
     def of_plan(
         cls, motion: Motion, robot: Robot, title: str = "", outcome: PlanOutcome | None = None
     ) -> "Recording":
         """A plan, and how planning ended where that is known."""
-        table = motion_table(motion, robot.action_names, robot.name).telling(outcome)
+        table = motion_table(motion, robot.action_names, robot.name).with_outcome(outcome)
         return cls(table, (), title, robot.body.extents, robot=robot)
 
     @classmethod
@@ -63,12 +63,12 @@ class Recording:
 
     @property
     def outcome(self) -> str:
-        """How planning or flying ended, in one word; empty where that is not known."""
+        """Outcome of planning or flying, in one word; empty where that is not known."""
         return str(self.table.info.get("outcome") or "")
 
     @property
     def times(self) -> Float[Tensor, " rows"]:
-        """[s], from 0."""
+        """Times [s], from 0."""
         return self.table.column("t")
 
     @property
@@ -92,8 +92,8 @@ class Recording:
         return self.table.block(("wx", "wy", "wz"))
 
     @property
-    def believed(self) -> Float[Tensor, "rows 7"] | None:
-        """Believed position [m] and quaternion (w, x, y, z); None for a plan, which believes nothing."""
+    def estimated_poses(self) -> Float[Tensor, "rows 7"] | None:
+        """Estimated position [m] and quaternion (w, x, y, z); None for a plan, which has no estimate."""
         names = tuple(f"belief_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
         return self.table.block(names) if names[0] in self.table.columns else None
 
@@ -104,11 +104,11 @@ class Recording:
 
 @dataclass(frozen=True)
 class Exported:
-    """The content of a file."""
+    """Content of an exported file, with its information."""
 
     content: bytes
-    """What is to be written."""
+    """Bytes of the file."""
     info: dict[str, Any] = dataclass_field(default_factory=dict)
-    """What the format has to say about how well it fits, such as the error of an approximation."""
+    """Information of the format, such as the error of an approximation."""
     curve: PiecewisePolynomial | None = None
     """x, y, z [m] and yaw [rad] over time that a vehicle is to follow; None where the file moves none."""

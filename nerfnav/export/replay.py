@@ -10,7 +10,6 @@ replay.html is the page; what it shows is put in its place as JSON:
 Clustering after Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes" (1993).
 """
 
-
 import base64
 import json
 import math
@@ -37,7 +36,7 @@ _FINEST, _COARSER = 256, 1.15  # cells along the longest edge to begin with; how
 
 @dataclass(frozen=True)
 class Surface:
-    """Coloured triangles."""
+    """Surface mesh with vertex colours."""
 
     points: np.ndarray
     """(n, 3), world axes [m]."""
@@ -182,7 +181,7 @@ _PLACE = "/*REPLAY*/null"
 
 
 def replay(recording: Recording) -> Exported:
-    """The page. Raises InvalidInputError for a plan, which has nothing to replay."""
+    """Export the page. Raises InvalidInputError for a plan."""
     if not recording.steps:
         raise InvalidInputError("only flights can be replayed: fly the plan first")
     page = (files("nerfnav.export") / "replay.html").read_text(encoding="utf-8")

@@ -4,7 +4,6 @@ MCAP is one file of messages with their schemas, which Foxglove opens and `ros2 
 of metadata and an SQLite database, in one zip: unzip it, then `ros2 bag play FOLDER`.
 """
 
-
 import io
 import tempfile
 import zipfile

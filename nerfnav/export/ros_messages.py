@@ -3,17 +3,16 @@
 Axes are those of ROS (REP 103): world ENU, body FLU, so nothing is turned. Quaternions are (x, y, z, w). Stamps count
 from the start, 0 s.
 
-    /about       std_msgs/String                        what this is, how it ended, and what the numbers mean, as JSON
+    /about       std_msgs/String                        title, outcome and meaning of the numbers, as JSON
     /path        nav_msgs/Path                          all poses at once, at the start
     /odometry    nav_msgs/Odometry                      pose in `map`, velocities in the axes of `base_link`
     /tf          tf2_msgs/TFMessage                     the same pose as the transform from `map` to `base_link`
-    /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: what the robot believed, with its covariance
-    /picture     sensor_msgs/CompressedImage            of a flight: what its camera saw, JPEG
+    /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: the robot's estimate with its covariance
+    /picture     sensor_msgs/CompressedImage            of a flight: the camera's picture, JPEG
 
-/about and /path come once, latched: their durability is transient_local. The odometry of a flight is what truly
-happened in the simulation, that of a plan what is intended: both are exact, which the zeros of their covariance say.
+/about and /path come once, latched: their durability is transient_local. The odometry of a flight is the true
+state in the simulation, that of a plan the planned one: both are exact, so their covariance is zero.
 """
-
 
 import json
 from collections.abc import Iterator
@@ -49,12 +48,12 @@ def typestore() -> "Typestore":
 
 
 def definition(message_type: str) -> str:
-    """The definition of a message type and all that it is made of, in ROS 2's language."""
+    """Definition of a message type with its dependencies, in ROS 2's language."""
     return typestore().generate_msgdef(message_type, ros_version=2)[0]
 
 
 def quality(latched: bool) -> "Qos":
-    """Quality of service that is offered: reliable, and `latched` or not: whether it is kept for who comes later."""
+    """Quality of service that is offered: reliable, and `latched` for late subscribers or not."""
     ros = import_extra("rosbags.interfaces", "ros", "exporting ROS messages")
     durability = ros.QosDurability.TRANSIENT_LOCAL if latched else ros.QosDurability.VOLATILE
     for_ever, depth = ros.QosTime(_FOREVER_S, _FOREVER_NS), 1 if latched else 10
@@ -82,12 +81,12 @@ def compressed(picture: UInt8[Tensor, "height width 3"], header: Any) -> Any:
 
 
 def vector(values: list[float]) -> Any:
-    """A geometry_msgs/Vector3."""
+    """Make a geometry_msgs/Vector3 message."""
     return new("geometry_msgs/msg/Vector3", *values)
 
 
 def pose_of(position: list[float], wxyz: list[float]) -> Any:
-    """A geometry_msgs/Pose."""
+    """Make a geometry_msgs/Pose message."""
     w, x, y, z = wxyz
     point, quaternion = new("geometry_msgs/msg/Point", *position), new("geometry_msgs/msg/Quaternion", x, y, z, w)
     return new("geometry_msgs/msg/Pose", point, quaternion)
@@ -103,10 +102,10 @@ TOPICS = {
     "/estimate": "geometry_msgs/msg/PoseWithCovarianceStamped",
     "/picture": "sensor_msgs/msg/CompressedImage",
 }
-"""What is said under which name."""
+"""Message type of each topic."""
 _OF_FLIGHTS = ("/estimate", "/picture")
 LATCHED = ("/about", "/path")
-"""What comes once, and is kept for who comes later."""
+"""Topics that are published once and kept for late subscribers."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def topics(recording: Recording) -> dict[str, str]:
 
 
 def about(recording: Recording) -> dict[str, str]:
-    """What readers should know of a recording besides its messages."""
+    """Metadata of a recording for readers of its messages."""
     exact = "the true state in the simulation" if recording.steps else "the plan"
     return {
         "made by": "nerfnav",
@@ -162,7 +161,7 @@ class _Maker:
         rotation = so3.matrix_from_quaternion(recording.quaternion)
         self._velocity_body = (recording.velocity[:, None] @ rotation)[:, 0].tolist()
         self._rate = recording.body_rate.tolist()
-        self._believed = [] if recording.believed is None else recording.believed.tolist()
+        self._estimates = [] if recording.estimated_poses is None else recording.estimated_poses.tolist()
         self._steps = recording.steps
 
     def message(self, topic: str, row: int, content: Any) -> RosMessage:
@@ -193,9 +192,9 @@ class _Maker:
         return new("tf2_msgs/msg/TFMessage", [stamped])
 
     def estimate(self, row: int) -> Any:
-        believed = self._believed[row]  # whose quaternions have no sign flips
+        estimated = self._estimates[row]  # whose quaternions have no sign flips
         covariance = pose_covariance(self._steps[row])
-        pose = new("geometry_msgs/msg/PoseWithCovariance", pose_of(believed[:3], believed[3:]), covariance)
+        pose = new("geometry_msgs/msg/PoseWithCovariance", pose_of(estimated[:3], estimated[3:]), covariance)
         return new("geometry_msgs/msg/PoseWithCovarianceStamped", self.header(row), pose)
 
     def header(self, row: int, frame: str = WORLD) -> Any:

@@ -29,7 +29,7 @@ _MICROSECONDS = 10**6
 
 
 def setpoints_of(recording: Recording) -> tuple[Curve, np.ndarray]:
-    """The curve and the times at which it is told [us]: every 1 / RATE_HZ s, and its end."""
+    """Sample the curve: setpoint times [us] every 1 / RATE_HZ s, and its end."""
     curve = curve_of(recording)
     end = round(curve.duration * _MICROSECONDS)
     period = _MICROSECONDS // RATE_HZ
@@ -46,7 +46,7 @@ def ned_rows(curve: Curve, times_us: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def describe_setpoints(recording: Recording, curve: Curve) -> dict[str, object]:
-    """What an export says of its setpoints."""
+    """Describe the setpoints of an export."""
     info: dict[str, object] = {"frame": "NED", "rate_hz": RATE_HZ, "motion": curve.motion}
     info |= {"stretched_by": curve.stretched_by, "off_rows_m": curve.off_m}
     return info | demands_of(curve.shape, QuadrotorLimits.of(quadrotor_of(recording)))

@@ -19,7 +19,7 @@ _SMOOTHNESS = 4  # derivatives 0 to 3 are continuous
 
 @dataclass(frozen=True)
 class Samples:
-    """What a spline shall be near to."""
+    """Samples that a spline approximates."""
 
     times: np.ndarray
     """(n,), from 0 [s]."""
@@ -58,7 +58,7 @@ def fit(samples: Samples, count: int, smoothing: float) -> PiecewisePolynomial:
 
 
 def _rows(u: np.ndarray, piece: np.ndarray, count: int, order: int) -> "scipy.sparse.csr_array":
-    """What each coefficient of all pieces, side by side, adds to a derivative at u of a piece: (n, 8 count)."""
+    """Design matrix: share of each coefficient of all pieces in a derivative at u of a piece: (n, 8 count)."""
     powers = derivative_rows(torch.from_numpy(u), order, _TERMS).numpy()
     columns = piece[:, None] * _TERMS + np.arange(_TERMS)
     rows = np.repeat(np.arange(len(u)), _TERMS)

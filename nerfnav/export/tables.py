@@ -6,7 +6,6 @@ world ENU (x east, y north, z up), body FLU (x forward, y left, z up), attitude 
 R_world_body.
 """
 
-
 import csv
 import io
 import json
@@ -36,10 +35,10 @@ class Table:
     values: Float[Tensor, "rows columns"]
     """float64; NaN where a cell has no value."""
     info: dict[str, Any] = field(default_factory=dict)
-    """What the numbers alone do not say: time step, robot, names of the actions."""
+    """Metadata of the numbers: time step, robot, names of the actions."""
 
-    def telling(self, outcome: Enum | None) -> "Table":
-        """The same with how it ended in `info`; None: that is not known."""
+    def with_outcome(self, outcome: Enum | None) -> "Table":
+        """Add the outcome to `info`; None: it is not known."""
         return self if outcome is None else replace(self, info=self.info | {"outcome": outcome.name.lower()})
 
     def column(self, name: str) -> Float[Tensor, " rows"]:
@@ -68,10 +67,10 @@ def motion_table(motion: Motion, action_names: tuple[str, ...], robot: str = "")
 
 
 def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = "") -> Table:
-    """The table of a flight: the motion that truly happened, then the belief beside it.
+    """Make the table of a flight: the true motion, then the belief beside it.
 
     Adds belief_x ... belief_wz (mean), sd_x, sd_y, sd_z (standard deviation of the position [m]) and touched (1 where
-    the body met the ground truth on the way to this row).
+    the body met the ground truth before this row).
     """
     flown = motion_table(Motion(episode.truth, episode.actions, episode.dt), action_names, robot)
     variance = torch.diagonal(episode.beliefs.covariance, dim1=-2, dim2=-1)[..., POSITION]
@@ -86,24 +85,6 @@ def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = 
     names = (*(f"belief_{name}" for name in STATE_COLUMNS), "sd_x", "sd_y", "sd_z", "touched")
     info = flown.info | {"outcome": episode.outcome.name.lower()}
     return Table(flown.columns + names, torch.cat([flown.values, extra], -1), info)
-
-
-def motion_of_table(table: Table) -> Motion:
-    """The motion that a table was made of; float32. Raises InvalidInputError where columns are missing."""
-    names = tuple(table.info.get("actions", ()))
-    missing = [name for name in ("t", *STATE_COLUMNS, *names) if name not in table.columns]
-    if missing or not names or "dt" not in table.info:
-        raise InvalidInputError(
-            "a table of a motion needs t, the state's columns, its actions and dt; "
-            f"missing: {', '.join(missing) or 'the names of the actions or dt'}"
-        )
-    states = RigidState(
-        table.block(("x", "y", "z")).float(),
-        table.block(("vx", "vy", "vz")).float(),
-        so3.matrix_from_quaternion(table.block(("qw", "qx", "qy", "qz"))).float(),
-        table.block(("wx", "wy", "wz")).float(),
-    )
-    return Motion(states, table.block(names)[:-1].float(), float(table.info["dt"]))
 
 
 def _state_block(states: RigidState) -> Float[Tensor, "n 13"]:
@@ -131,7 +112,7 @@ HELD = {
     "body_rate": "wx, wy, wz of row k hold from t_k to t_k+1: R_k+1 = R_k Exp(w_k dt)",
     "action": "the action of row k holds from t_k to t_k+1; the last row has none",
 }
-"""What holds for a whole step, as explicit Euler has it (nerfnav.robots)."""
+"""Columns that hold for a whole step, by explicit Euler (nerfnav.robots)."""
 _HELD_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz")
 _UNITS = {"t": "s"} | dict.fromkeys("xyz", "m") | dict.fromkeys(("vx", "vy", "vz"), "m/s")
 _UNITS |= dict.fromkeys(("qw", "qx", "qy", "qz"), "1") | dict.fromkeys(("wx", "wy", "wz"), "rad/s")
@@ -141,7 +122,7 @@ _UNIT_OF_SUFFIX = {"n": "N", "nm": "N m", "mps": "m/s", "mps2": "m/s^2", "radps"
 def csv_text(table: Table) -> str:
     """One header line, one line for each row; nine digits, which is every bit of a float32.
 
-    The header has the units, and says what holds until the next row: `vx [m/s until the next row]`.
+    The header has the units, and marks columns that hold until the next row: `vx [m/s until the next row]`.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -157,16 +138,6 @@ def json_text(table: Table) -> str:
     head = {"format": FORMAT, "version": VERSION, **table.info, "frames": FRAMES, "held": HELD}
     head |= {"units": {name: _unit(name) for name in table.columns}, "columns": list(table.columns)}
     return json.dumps(head | {"rows": rows}, allow_nan=False) + "\n"
-
-
-def table_of_csv(text: str) -> Table:
-    """Read what `csv_text` wrote; a CSV says nothing but columns, units and numbers, so `info` stays empty."""
-    try:
-        header, *rows = csv.reader(io.StringIO(text))
-        columns = tuple(name.partition(" [")[0] for name in header)
-        return Table(columns, _tensor([[float(cell) if cell else math.nan for cell in row] for row in rows]))
-    except ValueError as error:
-        raise InvalidInputError(f"this is not a CSV table of numbers under one header line: {error}") from error
 
 
 def table_of_json(text: str) -> Table:

@@ -1,18 +1,17 @@
 """Track files: TUM's trajectory, a table with covariances, and ROS 2 messages in MCAP.
 
-The texts are in any frame that lies like the field's. The camera has OpenCV's axes there: x right, y down, z ahead.
-Covariances are about the fixed axes of that frame. The messages are poses with covariances, the pictures and what the
-field shows:
+The texts are in any frame that is similar to the field's. The camera has OpenCV's axes there: x right, y down, z ahead.
+Covariances are about the fixed axes of that frame. The messages are poses with covariances, the pictures and renderings
+of the field:
 
-    /about           std_msgs/String                            what this is, as JSON
+    /about           std_msgs/String                            title and settings, as JSON
     /pose            geometry_msgs/PoseWithCovarianceStamped    of the camera, x right, y down, z ahead, in `map`
-    /picture         sensor_msgs/CompressedImage                what was seen, JPEG
-    /field_picture   sensor_msgs/CompressedImage                what the field shows from the pose, JPEG
+    /picture         sensor_msgs/CompressedImage                camera picture, JPEG
+    /field_picture   sensor_msgs/CompressedImage                rendering of the field from the pose, JPEG
 
-Stamps are the source's own times. `map` is the field's frame, z up; /pose comes only with frames whose picture told
-it.
+Stamps are the source's own times. `map` is the field's frame, z up; /pose comes only with frames whose picture
+updated it.
 """
-
 
 import csv
 import io
@@ -37,7 +36,7 @@ _NAMES, _UNITS = ("x", "y", "z", "rx", "ry", "rz"), ("m", "m", "m", "rad", "rad"
 _PAIRS = [(row, column) for row in range(6) for column in range(row, 6)]
 
 
-def placed(tracked: TrackedFrame, frame: Similarity) -> tuple[Pose, Float[Tensor, "6 6"]]:
+def pose_in_frame(tracked: TrackedFrame, frame: Similarity) -> tuple[Pose, Float[Tensor, "6 6"]]:
     """T_frame_camera, in OpenCV's axes, and its covariance, where `frame` takes the field's coordinates there.
 
     Only for what has a pose.
@@ -51,7 +50,7 @@ def placed(tracked: TrackedFrame, frame: Similarity) -> tuple[Pose, Float[Tensor
 
 
 def texts_of_track(track: Sequence[TrackedFrame], placed: tuple[float, ...]) -> dict[str, str]:
-    """Name and text of each file that tells a track, in the capture's own coordinates where the field knows them.
+    """Write the files of a track, by name, in the capture's own coordinates where the field knows them.
 
     `placed` is `FieldInfo.placed`.
     """
@@ -60,7 +59,7 @@ def texts_of_track(track: Sequence[TrackedFrame], placed: tuple[float, ...]) -> 
 
 
 def tum_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
-    """`timestamp tx ty tz qx qy qz qw` of each frame whose picture told the pose."""
+    """Write `timestamp tx ty tz qx qy qz qw` for each frame whose picture updated the pose."""
     lines = ["# timestamp tx ty tz qx qy qz qw"]
     for tracked in track:
         if tracked.status.updated:
@@ -87,7 +86,7 @@ def csv_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
 
 
 TRACK_FILES = {"trajectory.tum": tum_of_track, "poses.csv": csv_of_track}
-"""Name of each file that tells a track, and what makes its text."""
+"""Name of each file of a track, and the function that writes its text."""
 
 
 def _heading(pair: tuple[int, int]) -> str:
@@ -97,7 +96,7 @@ def _heading(pair: tuple[int, int]) -> str:
 
 def _numbers(tracked: TrackedFrame, frame: Similarity) -> tuple[list[float], Float[Tensor, "6 6"]]:
     """Position [m] and quaternion (x, y, z, w), and the covariance."""
-    pose, covariance = placed(tracked, frame)
+    pose, covariance = pose_in_frame(tracked, frame)
     w, x, y, z = so3.quaternion_from_matrix(pose.rotation).tolist()
     return [*pose.position.tolist(), x, y, z, w], covariance
 
@@ -160,7 +159,7 @@ class TrackRecorder:
 
 
 def _pose(nanoseconds: int, tracked: TrackedFrame) -> Any:
-    pose, covariance = placed(tracked, Similarity.identity())
+    pose, covariance = pose_in_frame(tracked, Similarity.identity())
     posed = pose_of(pose.position.tolist(), so3.quaternion_from_matrix(pose.rotation).tolist())
     with_covariance = new("geometry_msgs/msg/PoseWithCovariance", posed, covariance.numpy().reshape(-1))
     return new("geometry_msgs/msg/PoseWithCovarianceStamped", header(nanoseconds, WORLD), with_covariance)

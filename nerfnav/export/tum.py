@@ -3,7 +3,6 @@
 Times in s from the start, positions of the body in the world (ENU) in m, quaternion (x, y, z, w) of R_world_body.
 """
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -15,25 +14,15 @@ _HEAD = "# timestamp tx ty tz qx qy qz qw"
 
 
 def tum(recording: Recording) -> Exported:
-    """What truly happened, or the plan."""
+    """Export the true path of a flight, or the plan."""
     return _text(recording, torch.cat([recording.position, recording.quaternion], -1))
 
 
 def tum_estimate(recording: Recording) -> Exported:
-    """What the robot believed; to be compared with `tum`. Raises InvalidInputError for a plan."""
-    if recording.believed is None:
+    """Export the estimated path, to be compared with `tum`. Raises InvalidInputError for a plan."""
+    if recording.estimated_poses is None:
         raise InvalidInputError("a plan has no estimate: export it as tum, or fly it first")
-    return _text(recording, recording.believed)
-
-
-def poses_of_tum(text: str) -> tuple[Float[Tensor, " rows"], Float[Tensor, "rows 3"], Float[Tensor, "rows 4"]]:
-    """Times [s], positions [m] and quaternions (w, x, y, z) of a TUM file."""
-    rows = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    try:
-        numbers = torch.from_numpy(np.array(rows, dtype=np.float64).reshape(len(rows), 8))
-    except ValueError as error:
-        raise InvalidInputError(f"a TUM file has eight numbers in each line: {error}") from error
-    return numbers[:, 0], numbers[:, 1:4], numbers[:, [7, 4, 5, 6]]
+    return _text(recording, recording.estimated_poses)
 
 
 def _text(recording: Recording, poses: Float[Tensor, "rows 7"]) -> Exported:

@@ -3,6 +3,6 @@
 World: Z-up, right-handed, metres, ENU. Body: FLU (x forward, y left, z up).
 """
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -4,6 +4,7 @@ from .camera import FORWARD_MOUNT as FORWARD_MOUNT
 from .camera import R_BODY_CAMERA as R_BODY_CAMERA
 from .camera import Camera as Camera
 from .camera import Pose as Pose
+from .camera import fibonacci_directions as fibonacci_directions
 from .camera import look_at as look_at
 from .camera_file import parse_camera as parse_camera
 from .camera_file import read_camera as read_camera
@@ -16,7 +17,6 @@ from .color import invert_tone_map as invert_tone_map
 from .color import to_linear as to_linear
 from .color import to_srgb as to_srgb
 from .color import tone_map as tone_map
-from .directions import fibonacci_directions as fibonacci_directions
 from .ellipsoid import ellipsoid_95 as ellipsoid_95
 from .grid import dilate_nodes as dilate_nodes
 from .grid import node_positions as node_positions

@@ -25,7 +25,7 @@ class Box(TensorStruct):
 
     @property
     def size(self) -> Float[Tensor, "3"]:
-        """Edge lengths [m]."""
+        """Edge lengths along x, y, z [m]."""
         return self.upper - self.lower
 
     @property
@@ -34,7 +34,7 @@ class Box(TensorStruct):
         return 0.5 * (self.lower + self.upper)
 
     def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
-        """Whether each point [m] lies inside the box or on its border."""
+        """Mark points [m] that lie inside the box or on its border."""
         return ((points >= self.lower) & (points <= self.upper)).all(-1)
 
     def describe(self) -> str:

@@ -58,7 +58,7 @@ class Camera:
     """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/lens.py); none: straight lines stay straight.
     Of a fisheye, k1, k2, k3, k4 (see geometry/lens.py)."""
     fisheye: bool = False
-    """Whether the lens is a fisheye: a pixel tells an angle, not a point of a plane."""
+    """The lens is a fisheye: a pixel stands for an angle, not for a point of a plane."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a distortion of another model."""
@@ -149,7 +149,7 @@ class Camera:
         return pose.position.expand_as(directions), directions
 
     def project(self, pose: Pose, points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 2"], Bool[Tensor, " n"]]:
-        """Where points in the world [m] stand in the picture, (u, v) [pixels], and which of them lie within it.
+        """Project points in the world [m] to (u, v) [pixels], and mark those that lie within the picture.
 
         `pose` is T_world_camera. A distortion is left out. Points beside or behind the camera stand nowhere: NaN.
         """
@@ -168,3 +168,16 @@ def look_at(eye: Float[Tensor, "*batch 3"], target: Float[Tensor, "*batch 3"]) -
     up = torch.where(steep, torch.tensor([1.0, 0.0, 0.0], dtype=eye.dtype).expand_as(backward), up)
     right = torch.nn.functional.normalize(torch.linalg.cross(up, backward), dim=-1)
     return Pose(torch.stack([right, torch.linalg.cross(backward, right), backward], -1), eye)
+
+
+_GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+
+
+def fibonacci_directions(heights: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
+    """Unit directions with these z, each turned by the golden angle against the one before (Fibonacci's spiral).
+
+    Spread evenly over the sphere where the heights are spread evenly from -1 to 1, or over a part of it.
+    """
+    turn = torch.arange(len(heights)) * _GOLDEN_ANGLE
+    level = (1 - heights.square()).clamp_min(0).sqrt()
+    return torch.stack([level * turn.cos(), level * turn.sin(), heights], -1)

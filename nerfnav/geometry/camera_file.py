@@ -24,7 +24,7 @@ _FISHEYE = ("equidistant", "fisheye", "OPENCV_FISHEYE", "KANNALA_BRANDT", "kanna
 _BROWN = ("plumb_bob", "rational_polynomial", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL",
           "FULL_OPENCV", "PERSPECTIVE", "")  # fmt: skip
 _OPENCV = ("%YAML:1.0", "!!opencv-matrix")
-"""What tells OpenCV's own files, which other readers of YAML do not take."""
+"""Marks of OpenCV's own files, which other readers of YAML reject."""
 
 
 def read_camera(path: Path) -> Camera:
@@ -40,10 +40,10 @@ def read_camera(path: Path) -> Camera:
     try:
         if any(mark in text for mark in _OPENCV):
             return parse_camera(_stored(text))
-        told = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
-        if not isinstance(told, dict):
+        entries = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
+        if not isinstance(entries, dict):
             raise InvalidInputError("it holds no names with values")
-        return _of_transforms(told) if "fl_x" in told else parse_camera(told)
+        return _of_transforms(entries) if "fl_x" in entries else parse_camera(entries)
     except (InvalidInputError, ValueError, TypeError, yaml.YAMLError) as error:
         raise InvalidInputError(f"{path} is no calibration of a camera: {' '.join(str(error).split())}") from error
 
@@ -62,51 +62,51 @@ def _of_colmap(path: Path) -> Camera:
 
 
 def _stored(text: str) -> dict[str, Any]:
-    """What a file of OpenCV's FileStorage holds of a camera, in the words of ROS."""
+    """Read the camera of an OpenCV FileStorage file, under the names of ROS."""
     import cv2  # slow to import
 
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except cv2.error as error:
         raise InvalidInputError("it cannot be read as a file of OpenCV") from error
-    told: dict[str, Any] = {"distortion_model": storage.getNode("distortion_model").string()}
+    entries: dict[str, Any] = {"distortion_model": storage.getNode("distortion_model").string()}
     for name in ("image_width", "image_height"):
-        told[name] = None if storage.getNode(name).empty() else storage.getNode(name).real()
+        entries[name] = None if storage.getNode(name).empty() else storage.getNode(name).real()
     for name in ("camera_matrix", "distortion_coefficients"):
         node = storage.getNode(name)
-        told[name] = None if node.empty() else node.mat()
-    if told["distortion_model"] == "" and not storage.getNode("fisheye_model").empty():
-        told["distortion_model"] = "fisheye" if storage.getNode("fisheye_model").real() else ""
+        entries[name] = None if node.empty() else node.mat()
+    if entries["distortion_model"] == "" and not storage.getNode("fisheye_model").empty():
+        entries["distortion_model"] = "fisheye" if storage.getNode("fisheye_model").real() else ""
     storage.release()
-    return told
+    return entries
 
 
-def parse_camera(told: dict[str, Any]) -> Camera:
-    """The camera that ROS's or OpenCV's words tell. Raises InvalidInputError where they tell none, or another lens."""
-    matrix = _numbers(told, "camera_matrix")
+def parse_camera(entries: dict[str, Any]) -> Camera:
+    """Parse the camera in ROS's or OpenCV's entries. Raises InvalidInputError without one, or for another lens."""
+    matrix = _numbers(entries, "camera_matrix")
     if matrix.size != 9:
         raise InvalidInputError(f"camera_matrix has 9 numbers, not {matrix.size}")
     (fx, _, cx), (_, fy, cy), _ = matrix.reshape(3, 3).tolist()
-    lens = told.get("distortion_coefficients")
-    coefficients = () if lens is None else tuple(_numbers(told, "distortion_coefficients").ravel().tolist())
-    model = str(told.get("distortion_model") or "")
-    return _camera((told.get("image_width"), told.get("image_height")), (fx, fy, cx, cy), model, coefficients)
+    lens = entries.get("distortion_coefficients")
+    coefficients = () if lens is None else tuple(_numbers(entries, "distortion_coefficients").ravel().tolist())
+    model = str(entries.get("distortion_model") or "")
+    return _camera((entries.get("image_width"), entries.get("image_height")), (fx, fy, cx, cy), model, coefficients)
 
 
-def _of_transforms(told: dict[str, Any]) -> Camera:
-    focal = float(told["fl_x"])
-    size = told.get("w"), told.get("h")
-    center = (told.get("cx", 0.5 * float(size[0] or 0)), told.get("cy", 0.5 * float(size[1] or 0)))
-    model = str(told.get("camera_model", "OPENCV"))
+def _of_transforms(entries: dict[str, Any]) -> Camera:
+    focal = float(entries["fl_x"])
+    size = entries.get("w"), entries.get("h")
+    center = (entries.get("cx", 0.5 * float(size[0] or 0)), entries.get("cy", 0.5 * float(size[1] or 0)))
+    model = str(entries.get("camera_model", "OPENCV"))
     names = ("k1", "k2", "k3", "k4") if model in _FISHEYE else ("k1", "k2", "p1", "p2", "k3")
-    coefficients = tuple(float(told.get(name, 0.0)) for name in names)
-    numbers = (focal, float(told.get("fl_y", focal)), float(center[0]), float(center[1]))
+    coefficients = tuple(float(entries.get(name, 0.0)) for name in names)
+    numbers = (focal, float(entries.get("fl_y", focal)), float(center[0]), float(center[1]))
     return _camera(size, numbers, model, coefficients)
 
 
-def _numbers(told: dict[str, Any], name: str) -> np.ndarray:
+def _numbers(entries: dict[str, Any], name: str) -> np.ndarray:
     """The matrix of that name: a list, or what has its numbers as `data`."""
-    value = told.get(name)
+    value = entries.get(name)
     value = value.get("data") if isinstance(value, dict) else value
     if value is None:
         raise InvalidInputError(f"{name} is missing")

@@ -20,7 +20,7 @@ class ColmapCamera:
     """A camera as COLMAP describes it."""
 
     number: int
-    """What images call it."""
+    """Number by which images refer to it."""
     model: str
     """Name of its model, a known one."""
     size: tuple[float, float]
@@ -32,7 +32,7 @@ class ColmapCamera:
 
     @property
     def fisheye(self) -> bool:
-        """Whether it is one after Kannala and Brandt."""
+        """The lens follows Kannala and Brandt."""
         return "FISHEYE" in self.model
 
     @property
@@ -57,12 +57,12 @@ class ColmapCamera:
 
     @property
     def _lens(self) -> int:
-        """Where the distortion begins."""
+        """Index of the first coefficient of distortion."""
         return 3 if self._single else 4
 
 
 class ColmapBytes:
-    """Reads a binary file from its start, and says so where it ends too early."""
+    """Reader of a binary file from its start, which raises where it ends too early."""
 
     def __init__(self, path: Path) -> None:
         """Read all of the file."""
@@ -76,7 +76,7 @@ class ColmapBytes:
         return struct.unpack_from("<" + layout, self._data, self._at - size)
 
     def integer(self, layout: str) -> int:
-        """The next one."""
+        """Read the next number, as an integer."""
         return int(self.numbers(layout)[0])
 
     def skip(self, size: int) -> None:

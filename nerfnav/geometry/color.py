@@ -5,7 +5,6 @@ what is displayed: Stephen Hill's fit of the Academy's reference rendering and o
 it to all materials.
 """
 
-
 import numpy as np
 from jaxtyping import Float
 
@@ -34,7 +33,7 @@ Light = Float[np.ndarray, "*shape 3"]
 
 
 def tone_map(light: Light) -> Light:
-    """What is displayed, linear in [0, 1], of linear light from 0 on."""
+    """Tone-map linear light from 0 on to displayed light, linear in [0, 1]."""
     value = _EXPOSURE * light @ _IN.T
     bottom = value * (_BOTTOM[0] * value + _BOTTOM[1]) + _BOTTOM[2]
     return np.clip((value * (value + _TOP[0]) - _TOP[1]) / bottom @ _OUT.T, 0, 1)

@@ -64,10 +64,10 @@ def cells_of(
 
 
 def corner_offsets(ny: int, nz: int) -> Int[Tensor, "8"]:
-    """How far the corners of a cell are from its first one in a flat grid with rows of ny x nz nodes, z fastest."""
+    """Offsets of the corners of a cell from its first one in a flat grid with rows of ny x nz nodes, z fastest."""
     return torch.tensor([(i * ny + j) * nz + k for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
 def dilate_nodes(chosen: Bool[Tensor, "nx ny nz"]) -> Bool[Tensor, "nx ny nz"]:
-    """What is chosen on a grid, and all that touches it along an axis or a diagonal."""
+    """Dilate a mask on a grid by one node along each axis and diagonal."""
     return torch.nn.functional.max_pool3d(chosen[None, None].float(), 3, 1, 1)[0, 0] > 0

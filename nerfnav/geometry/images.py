@@ -3,7 +3,6 @@
 Sightings are the tracks of structure from motion: points of a place, and the images that show each of them.
 """
 
-
 import math
 from dataclasses import dataclass, replace
 
@@ -22,14 +21,14 @@ class Sightings:
     """Points, and which images show which of them."""
 
     points: Float[Tensor, "m 3"]
-    """Where they are, in the world [m]."""
+    """Positions in the world [m]."""
     image: Int[Tensor, " k"]
     """Of each sighting, which image."""
     point: Int[Tensor, " k"]
     """Of each sighting, which point that image shows."""
 
     def __len__(self) -> int:
-        """How many sightings there are."""
+        """Number of sightings of points."""
         return len(self.image)
 
     def of_images(self, chosen: Int[Tensor, " n"]) -> "Sightings":
@@ -43,8 +42,8 @@ class Sightings:
     def where(self, kept: Tensor) -> "Sightings":
         """The sightings of those points alone for which `kept` (m) is true."""
         number = kept.long().cumsum(0) - 1
-        told = kept[self.point]
-        return Sightings(self.points[kept], self.image[told], number[self.point[told]])
+        chosen = kept[self.point]
+        return Sightings(self.points[kept], self.image[chosen], number[self.point[chosen]])
 
 
 @dataclass(frozen=True)
@@ -58,17 +57,17 @@ class PosedImages:
     poses: Pose
     """T_world_camera of each image; batch shape (n,)."""
     depth: Float[Tensor, "n depth_height depth_width"] | None = None
-    """How far away what each pixel shows is, along the pixel's ray [m], for pixels of the same view that may be more or
-    fewer than the images'; infinite where the ray meets nothing, 0 where nobody measured. None: no depth is known."""
+    """Depth along each pixel's ray [m], for pixels of the same view that may be more or fewer than the images';
+    infinite where the ray meets nothing, 0 where there is no measurement. None: no depth is known."""
     depth_noise: float = 0.0
-    """How wrong depths may be, as a share of them; 0 for those of a renderer."""
+    """Relative error of depths; 0 for those of a renderer."""
     silhouettes: Bool[Tensor, "n height width"] | None = None
-    """Where pictures that are cut out show something or lie beside it; None where they are not cut out."""
+    """Masks of pictures that are cut out: pixels on or beside what they show; None where they are not cut out."""
     sightings: Sightings | None = None
-    """Points that structure from motion found in the images; None where nobody looked."""
+    """Points that structure from motion found in the images; None where it found none."""
 
     def __len__(self) -> int:
-        """How many images there are."""
+        """Number of images."""
         return self.images.shape[0]
 
     def subset(self, index: "list[int] | slice") -> "PosedImages":
@@ -89,7 +88,7 @@ class PosedImages:
         return self.camera.resized(self.depth.shape[2], self.depth.shape[1])
 
     def without_depth(self) -> "PosedImages":
-        """The images alone."""
+        """The same images without their depth."""
         return replace(self, depth=None)
 
 

@@ -15,7 +15,6 @@ shown at the radius
 on the plane at depth 1, in its own direction around the axis.
 """
 
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -23,15 +22,15 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 
 COUNTS = (0, 4, 5)
-"""How many coefficients there may be: none, or k1, k2, p1, p2 and perhaps k3."""
+"""Allowed numbers of coefficients: none, or k1, k2, p1, p2 and perhaps k3."""
 _ROUNDS, _ENOUGH = 300, 1e-9
 """Steps at most, and how near to the wanted point they end."""
 _ASTRAY = 1e-4
-"""How far undistorting and distorting again may lead from a point at depth 1, about a twentieth of a pixel."""
+"""Tolerance of undistorting and distorting again at depth 1, about a twentieth of a pixel."""
 
 
 def distorted(points: Float[Tensor, "*batch 2"], coefficients: tuple[float, ...]) -> Float[Tensor, "*batch 2"]:
-    """Where a lens with (k1, k2, p1, p2[, k3]) shows points of the plane at depth 1."""
+    """Distort points of the plane at depth 1 by a lens with (k1, k2, p1, p2[, k3])."""
     k1, k2, p1, p2, k3 = (*coefficients, 0.0)[:5]
     x, y = points.unbind(-1)
     square = x * x + y * y
@@ -89,7 +88,7 @@ def fisheye_directions(points: Float[Tensor, "*batch 2"], coefficients: tuple[fl
 
 
 def fisheye_points(flat: Float[Tensor, "*batch 2"], coefficients: tuple[float, ...]) -> Float[Tensor, "*batch 2"]:
-    """Where a lens with (k1, k2, k3, k4) shows points of the plane at depth 1; NaN where it folds its picture there."""
+    """Distort points of the plane at depth 1 by a fisheye with (k1, k2, k3, k4); NaN where it folds its picture."""
     radius = flat.double().norm(dim=-1)
     shown, slope = _shown(radius.atan(), coefficients)
     scale = torch.where(slope > 0, shown, torch.nan) / radius.clamp_min(1e-12)

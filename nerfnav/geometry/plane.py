@@ -26,7 +26,7 @@ class Plane:
     """d [m]."""
 
     def heights(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-        """How far points [m] are on the side that the normal points to [m]."""
+        """Signed distances of points [m], positive on the side of the normal [m]."""
         return points.double() @ self.normal - self.offset
 
     def facing(self, direction: Float[Tensor, "3"]) -> "Plane":
@@ -36,16 +36,16 @@ class Plane:
 
 @dataclass(frozen=True)
 class RansacConfig:
-    """How a plane is looked for."""
+    """Settings of RANSAC for a plane."""
 
     draws: int = 400
-    """How many triples of points are tried."""
+    """Number of triples of points that are tried."""
     sample: int = 4000
     """Points that each of them is judged by."""
     tolerance: float = 0.01
     """Distance at which a point still lies on a plane [m]."""
     tilt: float = 0.5
-    """Largest angle between the plane's normal and what is thought to be up [rad]."""
+    """Largest angle between the plane's normal and the assumed up direction [rad]."""
     below: float = 0.05
     """Share of all points that may lie below the plane: things stand on a floor."""
     least: float = 0.05

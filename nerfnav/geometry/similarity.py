@@ -16,9 +16,9 @@ from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
 
 _RIGID = 1e-4
-"""How far R R' may be from the identity."""
+"""Tolerance of R R' against the identity."""
 _QUARTER = 1e-4
-"""How far entries of R may be from -1, 0 and 1 where it permutes the axes [rad]."""
+"""Tolerance of entries of R against -1, 0 and 1 where it permutes the axes [rad]."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Similarity(TensorStruct):
 
     @classmethod
     def identity(cls) -> "Similarity":
-        """Nothing is changed."""
+        """The transform that changes nothing."""
         return cls(torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64))
 
     @property
@@ -64,7 +64,7 @@ class Similarity(TensorStruct):
 
     @property
     def is_identity(self) -> bool:
-        """Whether nothing is changed."""
+        """The transform is the identity."""
         same = self.scale == 1.0 and not bool(self.translation.any())
         return same and torch.equal(self.rotation, torch.eye(3).to(self.rotation))
 
@@ -75,11 +75,11 @@ class Similarity(TensorStruct):
         return whole if (self.rotation - whole).abs().max() < _QUARTER else None
 
     def __call__(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-        """Where points [m] are afterwards."""
+        """Transform points [m]."""
         return (self.scale * points.double() @ self.rotation.T + self.translation).to(points.dtype)
 
     def inverted(self) -> "Similarity":
-        """What takes everything back."""
+        """Inverse of the transform."""
         back = self.rotation.T
         return Similarity(back, -(back @ self.translation) / self.scale, 1 / self.scale)
 
@@ -90,5 +90,5 @@ class Similarity(TensorStruct):
         return Box(moved.amin(0).to(box.lower.dtype), moved.amax(0).to(box.lower.dtype))
 
     def pose(self, pose: Pose) -> Pose:
-        """Where a camera that sees the same picture is afterwards: it is moved and turned, its optics stay."""
+        """Transform the pose of a camera that sees the same picture: it is moved and turned, its optics stay."""
         return Pose((self.rotation @ pose.rotation.double()).to(pose.rotation.dtype), self(pose.position))

@@ -1,5 +1,5 @@
-"""What others have made becomes a field or a scene: captures, meshes, trained NeRFs, Gaussian splats."""
+"""Importers: turn captures, meshes, trained NeRFs and Gaussian splats into fields and scenes."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

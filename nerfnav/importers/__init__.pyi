@@ -12,6 +12,7 @@ from .core.kinds import SourceKind as SourceKind
 from .core.kinds import field_name as field_name
 from .core.placement import AXES as AXES
 from .core.placement import UNIT_ASSUMED as UNIT_ASSUMED
+from .core.placement import MeasuredDistance as MeasuredDistance
 from .core.placement import Placement as Placement
 from .core.placement import drop_answered_guesses as drop_answered_guesses
 from .core.placement import format_length as format_length
@@ -20,7 +21,7 @@ from .core.stored_picture import read_picture as read_picture
 from .detect import source_kind as source_kind
 from .meshes.config import MeshOptions as MeshOptions
 from .meshes.config import SceneConfig as SceneConfig
-from .meshes.importer import Imported as Imported
+from .meshes.importer import ImportedMesh as ImportedMesh
 from .meshes.importer import import_mesh as import_mesh
 from .nerf.config import NerfPytorchConfig as NerfPytorchConfig
 from .nerf.importer import load_nerf_pytorch as load_nerf_pytorch

@@ -1,12 +1,12 @@
-"""Content type detection: what kind of thing a user means by a name or a path, decided here and nowhere else.
+"""Content type detection: decide the kind of a source from its name or path, in one place.
 
-Nothing is read but names in folders and archives and the beginnings of files, so an answer takes milliseconds; whether
-a file is whole is told by whoever reads it.
+Nothing is read but names in folders and archives and the beginnings of files, so an answer takes milliseconds; readers
+check that a file is complete.
 """
 
 import json
 import zipfile
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
@@ -21,21 +21,60 @@ from nerfnav.importers.core.kinds import (
     SPLATS,
     VIDEOS,
     SourceKind,
+    identify_data,
+    read_head,
 )
 
 _TRUTH = "nerfnav-ground-truth"
+_FLIGHT, _PLAN = "run.json", "plan.json"
 
 
 def source_kind(what: str | Path, bundled: Collection[str] = ()) -> SourceKind:
-    """What kind of thing a name or path means; `bundled` are the names of scenes, which come first."""
+    """Decide the kind of a name or path; `bundled` are the names of scenes, which come first."""
     path = Path(what)
     if str(what) in bundled:
         return SourceKind.SCENE
     if path.is_dir():
-        from nerfnav.importers.contents import folder_kind  # slow to import, and most places are fields
-
-        return folder_kind(path)
+        return _folder_kind(path)
     return _file_kind(path) if path.is_file() else SourceKind.MISSING
+
+
+def _folder_kind(folder: Path) -> SourceKind:
+    """Kind of a folder, by the files in it."""
+    from nerfnav.importers.captures.formats import is_capture
+    from nerfnav.importers.meshes.files import find_mesh
+    from nerfnav.importers.nerf.checkpoint import is_checkpoint
+    from nerfnav.importers.splats.formats import holds_splats
+
+    kinds: tuple[tuple[SourceKind, Callable[[Path], object]], ...] = (
+        (SourceKind.FLIGHT, lambda path: (path / _FLIGHT).is_file()),
+        (SourceKind.PLAN, lambda path: (path / _PLAN).is_file()),
+        (SourceKind.SPLATS, holds_splats),
+        (SourceKind.CAPTURE, is_capture),
+        (SourceKind.NERF, is_checkpoint),
+        (SourceKind.MESH, find_mesh),
+    )
+    return next((kind for kind, holds in kinds if holds(folder)), SourceKind.UNKNOWN)
+
+
+def _archive_kind(path: Path) -> SourceKind:
+    """Kind of an archive, by the names of the files in it."""
+    from nerfnav.importers.meshes.files import list_archived_meshes
+
+    return SourceKind.MESH if list_archived_meshes(path) else SourceKind.CAPTURE
+
+
+def _described_kind(path: Path, suffix: str) -> SourceKind:
+    """Kind of a file with an ending of several kinds, by its header or by the folder that it describes."""
+    from nerfnav.importers.captures.formats import is_capture
+    from nerfnav.importers.splats.formats import holds_splats
+
+    if holds_splats(path):
+        return SourceKind.SPLATS
+    if suffix == ".ply":
+        head = read_head(path)
+        return SourceKind.UNKNOWN if identify_data(head) and not head.startswith(b"ply") else SourceKind.MESH
+    return SourceKind.CAPTURE if suffix == ".json" or is_capture(path) else SourceKind.UNKNOWN
 
 
 def _file_kind(path: Path) -> SourceKind:
@@ -44,10 +83,10 @@ def _file_kind(path: Path) -> SourceKind:
         return SourceKind.SPLATS
     if suffix == FIELD:
         return _npz_kind(path)
-    if suffix in (".ply", ".json", ".yml", ".yaml", *ARCHIVES):
-        from nerfnav.importers import contents  # slow to import, as above
-
-        return contents.archive_kind(path) if suffix in ARCHIVES else contents.described_kind(path, suffix)
+    if suffix in ARCHIVES:
+        return _archive_kind(path)
+    if suffix in (".ply", ".json", ".yml", ".yaml"):
+        return _described_kind(path, suffix)
     kinds = (
         (SPLATS, SourceKind.SPLATS),
         (MESHES, SourceKind.MESH),
@@ -59,7 +98,7 @@ def _file_kind(path: Path) -> SourceKind:
 
 
 def _npz_kind(path: Path) -> SourceKind:
-    """A field, unless it says otherwise: whoever reads fields tells what is wrong with a broken one."""
+    """Field, unless the header has the format of a ground truth; readers of fields report broken files."""
     try:
         with np.load(path, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))

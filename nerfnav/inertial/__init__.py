@@ -1,5 +1,5 @@
 """Inertial navigation: strapdown mechanisation, preintegrated measurements, biases and gravity as part of the state."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 
 @dataclass(frozen=True)
 class ImuNoise:
-    """How noisy an inertial measurement unit is; None of what is not known."""
+    """Noise of an inertial measurement unit; None where it is unknown."""
 
     gyro: float | None = None
     """Noise of body rates [rad/s per sqrt(Hz)]."""
@@ -19,7 +19,7 @@ class ImuNoise:
 
 @dataclass(frozen=True)
 class ImuConfig:
-    """How well a unit measures; the defaults are those of the cheap ones that fly."""
+    """Model of an inertial measurement unit; the defaults are those of cheap ones that fly."""
 
     gyro: float = 2e-3
     """Noise of body rates [rad/s per sqrt(Hz)]."""
@@ -40,6 +40,6 @@ class ImuConfig:
     longest_gap: float = 0.1
     """Longest time without a measurement [s]."""
 
-    def told(self, noise: ImuNoise) -> "ImuConfig":
-        """The same with what is known of a unit."""
+    def for_unit(self, noise: ImuNoise) -> "ImuConfig":
+        """Return the options with the known noise of a unit."""
         return replace(self, **{name: value for name, value in asdict(noise).items() if value is not None})

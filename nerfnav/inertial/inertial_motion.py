@@ -1,13 +1,13 @@
 """Inertial motion: between two pictures an inertial measurement unit predicts, an extension of the paper's filter.
 
 The paper predicts by the robot's dynamics and the action that it took (Eqs. 3-4). Here gyroscope and accelerometer
-take their place (preintegrated.py), and what is not known of them is part of the state: the biases bg and ba, and
+take their place (preintegrated.py), and their unknown constants are part of the state: the biases bg and ba, and
 gravity g, for the z axis of a field of photographs is only about vertical, b = (bg, ba, g). With R, v and p
 preintegrated over the time T between the pictures,
 
     R' = R0 R,   v' = v0 + g T + R0 v,   p' = p0 + v0 T + g T^2 / 2 + R0 p,   w' = w_last - bg
 
-A picture tells the pose, not b. That follows by its regression on the state, which loses nothing, for the picture
+A picture determines the pose, not b. That follows by its regression on the state, which loses nothing, for the picture
 depends on b through the state alone:
 
     K = Sigma_bx Sigma_xx^-1,   b+ = b + K (x+ (-) x-),   Sigma_bb+ = Sigma_bb - K (Sigma_xx - Sigma_xx+) K'
@@ -34,20 +34,20 @@ _BIASES, _GRAVITY = slice(0, 6), slice(6, 9)
 
 @dataclass(frozen=True)
 class InertialBelief:
-    """What is believed of the state, and with it of what hardly changes: biases and gravity."""
+    """Joint belief of the state and of what hardly changes: biases and gravity."""
 
     belief: Belief
     """The state."""
     constants: Float[Tensor, "9"]
     """Biases of gyroscope [rad/s] and accelerometer [m/s^2], and gravity in the field's axes [m/s^2]."""
     covariance: Float[Tensor, "9 9"]
-    """Of the constants."""
+    """Covariance of the constants."""
     cross: Float[Tensor, "9 12"]
-    """Of constants and state."""
+    """Cross-covariance of constants and state."""
 
     @classmethod
     def begin(cls, belief: Belief, config: ImuConfig) -> "InertialBelief":
-        """Nothing is known of the constants but their usual size."""
+        """Begin with constants of their usual size."""
         sizes = [config.gyro_bias] * 3 + [config.accel_bias] * 3 + [config.gravity_std] * 3
         constants = torch.zeros(CONSTANTS).double()
         constants[-1] = -config.gravity
@@ -55,23 +55,23 @@ class InertialBelief:
         return cls(belief, constants, torch.diag(std.square()), torch.zeros(CONSTANTS, TANGENT).double())
 
     def restart_with(self, belief: Belief) -> "InertialBelief":
-        """With a state that comes from elsewhere; what is known of the constants stays."""
+        """Restart with a state that comes from elsewhere; the belief of the constants stays."""
         return replace(self, belief=belief, cross=torch.zeros_like(self.cross))
 
     @property
     def biases(self) -> Float[Tensor, "6"]:
-        """Of gyroscope [rad/s] and accelerometer [m/s^2]."""
+        """Biases of gyroscope [rad/s] and accelerometer [m/s^2]."""
         return self.constants[_BIASES]
 
     @property
     def gravity(self) -> Float[Tensor, "3"]:
-        """In the field's axes [m/s^2]."""
+        """Gravity in the field's axes [m/s^2]."""
         return self.constants[_GRAVITY]
 
     def corrected(self, posterior: Belief, before: Belief | None = None) -> "InertialBelief":
-        """With the state as a picture has corrected it, and the constants that follow.
+        """Correct the constants by regression, after a picture has corrected the state.
 
-        `before` is what the picture was held against, where that was not `belief` but less sure.
+        `before` is the prediction that the picture corrected, where that was not `belief` but a wider one.
         """
         before = self.belief if before is None else before
         spread, after = before.covariance.double(), posterior.covariance.double()
@@ -84,7 +84,7 @@ class InertialBelief:
 
 
 def predict(last: InertialBelief, measured: Preintegrated, config: ImuConfig) -> tuple[InertialBelief, Tensor]:
-    """The belief at the end of what was measured, and the part of its covariance that the measurements' noise adds."""
+    """Predict over measurements; returns also the part of the covariance that their noise adds."""
     mean, covariance = last.belief.mean.to(torch.float64), last.belief.covariance.double()
     time, turned = measured.duration, mean.rotation
     after = propagate_state(mean, measured.increments, last.gravity, time)

@@ -12,17 +12,17 @@ from torch import Tensor
 from nerfnav.inertial.strapdown import Increments
 
 TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
-"""Where the parts stand in what is preintegrated."""
+"""Slices of the preintegrated numbers."""
 GYRO, ACCEL = slice(0, 3), slice(3, 6)
-"""Where the biases stand."""
+"""Slices of the biases."""
 
 
 @dataclass(frozen=True)
 class Preintegrated:
-    """What a unit has measured between two times, in its own axes at the first."""
+    """Measurements between two times, in the unit's axes at the first."""
 
     increments: Increments
-    """Turn, speed and way, and the last body rate, without biases."""
+    """Turn, change of velocity and of position, and the last body rate, without biases."""
     rate_variance: float
     """Of the last body rate [rad^2/s^2]."""
     duration: float

@@ -21,7 +21,7 @@ _Array = TypeVar("_Array", np.ndarray, Tensor)
 
 
 class Increments(NamedTuple):
-    """What was measured over an interval, in the body's axes as it began."""
+    """Measurements over an interval, in the body's axes at its beginning."""
 
     turn: Float[Tensor, "*batch 3 3"]
     """D."""
@@ -34,7 +34,7 @@ class Increments(NamedTuple):
 
 
 def propagate_state(state: RigidState, measured: Increments, gravity: Float[Tensor, "3"], time: float) -> RigidState:
-    """The state after a time [s]; `gravity` is g, downwards [m/s^2]."""
+    """Return the state after a time [s]; `gravity` is g, downwards [m/s^2]."""
 
     def turned(vector: Tensor) -> Tensor:
         return (state.rotation @ vector[..., None])[..., 0]
@@ -50,7 +50,7 @@ def propagate_state(state: RigidState, measured: Increments, gravity: Float[Tens
 def integrate_step(
     at: tuple[_Array, _Array, _Array], turns: tuple[_Array, _Array], force: _Array, gravity: _Array, dt: float
 ) -> tuple[_Array, _Array, _Array]:
-    """R, v and p after a short time [s], in which the body turns by `turns`: in half of it, and in all (midpoint rule).
+    """Return R, v and p after a short time [s]; `turns` are those in half of it, and in all (midpoint rule).
 
     `force` is specific [m/s^2]. Arrays and tensors are taken alike.
     """

@@ -1,5 +1,5 @@
 """Live: pictures of a real camera in, the vehicle's pose and the next setpoints of its plan out."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -12,7 +12,7 @@ Vector = tuple[float, float, float]
 
 
 class Order(Enum):
-    """What a vehicle is to do."""
+    """Order to a vehicle."""
 
     FOLLOW = "follow"
     """Follow the setpoints to the goal."""
@@ -26,7 +26,7 @@ class Order(Enum):
 
 @dataclass(frozen=True)
 class Goal:
-    """Where to arrive, at rest."""
+    """Goal state, at rest."""
 
     position: Vector
     """In the world [m]."""
@@ -36,7 +36,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class Setpoint:
-    """What the motion is at one time."""
+    """Motion at one time."""
 
     time: float
     """[s]"""
@@ -57,7 +57,7 @@ class Setpoint:
 
 @dataclass(frozen=True)
 class Guidance:
-    """What to do on the way to a goal."""
+    """Setpoints to a goal, or the reason for none."""
 
     order: Order
     reason: str
@@ -69,7 +69,7 @@ class Guidance:
     """Upper bound of the probability that the motion collides, as the field has it."""
 
     def at(self, time: float) -> Setpoint | None:
-        """The motion at any time: between setpoints the acceleration changes linearly, and beyond the ends it stays.
+        """Return the motion at any time: accelerations are linear between setpoints, and constant beyond the ends.
 
         None where there are no setpoints.
         """
@@ -89,7 +89,7 @@ class Guidance:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a picture has told."""
+    """Pose and guidance after a picture."""
 
     time: float
     """When the picture was taken, and what `position` to `covariance` are of [s]."""

@@ -1,9 +1,9 @@
 """A client of `nerfnav live`, for the vehicle's side.
 
-    with LiveClient("ws://127.0.0.1:8090/?token=T") as live:
-        answer = live.see(picture, time, Goal((1, 2, 1)))          # waits for the answer
-        live.send(picture, time, Goal((1, 2, 1)))                  # does not wait ...
-        answer = live.answer(timeout=0)                            # ... None while there is none
+with LiveClient("ws://127.0.0.1:8090/?token=T") as live:
+    answer = live.see(picture, time, Goal((1, 2, 1)))          # waits for the answer
+    live.send(picture, time, Goal((1, 2, 1)))                  # does not wait ...
+    answer = live.answer(timeout=0)                            # ... None while there is none
 """
 
 from contextlib import AbstractContextManager
@@ -35,13 +35,13 @@ class LiveError(NerfnavError):
 
 
 class LiveClient(AbstractContextManager["LiveClient"]):
-    """One connection."""
+    """Connection of a vehicle to a server."""
 
     welcome: Welcome
-    """What the server is."""
+    """Description of the server."""
 
     def __init__(self, address: str, timeout: float = _PATIENCE_S) -> None:
-        """Connect to an address with its token. Raises LiveError where nobody answers, or the server lets nobody in.
+        """Connect to an address with its token. Raises LiveError where no server answers, or it refuses.
 
         `timeout` [s] is how long anything may take: the first picture is looked for everywhere, which takes seconds.
         """
@@ -49,8 +49,8 @@ class LiveClient(AbstractContextManager["LiveClient"]):
         try:
             self._socket = connect(address, open_timeout=timeout, max_size=None, compression=None)
         except InvalidStatus as error:
-            told = bytes(error.response.body or b"").decode(errors="replace").strip()
-            raise LiveError(told or f"{_named(address)} refuses: {error}") from error
+            reason = bytes(error.response.body or b"").decode(errors="replace").strip()
+            raise LiveError(reason or f"{_named(address)} refuses: {error}") from error
         except (OSError, WebSocketException, TimeoutError, ValueError) as error:
             raise LiveError(f"no `nerfnav live` answers at {_named(address)}: {error}") from error
         self.welcome = check_version(self._received(timeout))
@@ -58,7 +58,7 @@ class LiveClient(AbstractContextManager["LiveClient"]):
     def see(
         self, picture: np.ndarray | bytes, time: float, goal: Goal | None = None, now: float | None = None
     ) -> Answer:
-        """What a picture tells, see Navigator.see; it is RGB (height, width, 3), or the bytes of a JPEG file.
+        """Return the answer to a picture, see Navigator.see; it is RGB (height, width, 3), or the bytes of a JPEG file.
 
         Raises InvalidInputError for what the server refuses, LiveError where it is gone or does not answer.
         """
@@ -90,13 +90,13 @@ class LiveClient(AbstractContextManager["LiveClient"]):
         return message.answer
 
     def close(self) -> None:
-        """Let go of the server."""
+        """Close the connection to the server."""
         self._socket.close()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Close."""
+        """Close the connection to the server."""
         self.close()
 
     def _received(self, timeout: float | None) -> Welcome | AnswerMessage | Error:

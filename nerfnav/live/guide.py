@@ -10,13 +10,13 @@ first two accelerations are given by how it leans, and one that began anew more 
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief
 from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
@@ -30,13 +30,13 @@ from nerfnav.planner import (
     Planner,
     PlanOutcome,
     PlanProblem,
-    PlanStep,
+    PlanResult,
+    PlanSteps,
     Route,
     collision_probability_bound,
     downgrade_outcome,
     estimate_timing,
     fits,
-    last_step,
     nearest_free_pose,
     path_length,
     planners,
@@ -48,14 +48,14 @@ from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 _STEP = 0.9
 """Share of a step after which a plan is redone: pictures do not come exactly in time."""
 _ON_THE_WAY = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of the little way that is left, at which the body must fit for the vehicle to be told that it has arrived."""
+"""Shares of the rest of the way, at which the body must fit for ARRIVED."""
 _PATIENCE = 1.5
 """Times the usual duration that a plan may take where that is over the vehicle's limits."""
 
 
 @dataclass(frozen=True)
 class GuideConfig:
-    """How a vehicle is guided; lengths that are None follow from its body's width w."""
+    """Options of guidance; lengths that are None follow from its body's width w."""
 
     dt: float = 0.1
     """Length of a plan's step [s]; longer for large vehicles on long ways."""
@@ -84,10 +84,10 @@ class _Course:
     arrival: float
     """When it is to end [s]."""
     guidance: Guidance
-    """What was told of it."""
+    """Answered guidance."""
 
     def holds(self, believed: RigidState, time: float, stray: float) -> bool:
-        """Whether its first step is still under way, and the vehicle within `stray` [m] of where it should be."""
+        """Return True while its first step is under way, and the vehicle within `stray` [m] of it."""
         point = self.guidance.at(time)
         if point is None or time - self.guidance.setpoints[0].time > _STEP * self.motion.dt:
             return False
@@ -106,7 +106,7 @@ class Guide:
         self._pilots: dict[int, tuple[Planner, SafetyFilter | None]] = {}
 
     def map_at(self, height: float) -> OccupancyMap:
-        """Where the body fits: at one height [m] for a robot that never leaves it; made once, which takes seconds."""
+        """Return the occupancy map, at one height [m] for a planar robot; made once, which takes seconds."""
         key = height if self.robot.planar else None
         if key not in self._maps:
             self._maps[key] = OccupancyMap.of(self.field, self.robot.body, self.config.planning.occupancy, key)
@@ -122,11 +122,11 @@ class Guide:
 
     @torch.no_grad()
     def toward(self, goal: Goal, belief: Belief, time: float) -> Guidance:
-        """What to do from a belief of a time [s] on to arrive at a goal."""
+        """Return the guidance from a belief of a time [s] to a goal."""
         end = RigidState.at_rest(goal.position, goal.yaw)
         if not all(map(math.isfinite, (*goal.position, goal.yaw))):
             return self._given_up(f"the goal {goal.position}, {goal.yaw} is made of finite numbers only")
-        spread = belief.spread
+        spread = belief.position_std
         widest = self._width / 4 if self.config.widest_m is None else self.config.widest_m
         if not spread <= widest:
             return self._given_up(f"the place is known to {100 * spread:.1f} cm, and plans need {100 * widest:.1f} cm")
@@ -142,24 +142,24 @@ class Guide:
             return self._given_up(str(error))
 
     def _planned(self, goal: Goal, start: RigidState, end: RigidState, time: float) -> Guidance:
-        """Plan, and tell the plan if it is safe."""
+        """Plan, and return the plan if it is safe."""
         planner, guard = self._pilot(float(end.position[2]))
         last = self._course if self._course is not None and self._course.goal == goal else None
-        step = last_step(self._again(planner, last, start, end, time) if last else self._anew(planner, start, end))
+        step = run_steps(self._again(planner, last, start, end, time) if last else self._anew(planner, start, end))
         outcome = self._outcome(step)
         if outcome is PlanOutcome.OVER_LIMITS:  # the vehicle was pushed off its plan: allow more time
-            last, step = None, last_step(self._anew(planner, start, end, _PATIENCE))
+            last, step = None, run_steps(self._anew(planner, start, end, _PATIENCE))
             outcome = self._outcome(step)
         if outcome in FLYABLE:
             bound = collision_probability_bound(self.field, place_on_curve(step.motion), self.robot.body)
-            told = Guidance(Order.FOLLOW, outcome.value, setpoints_of(step.motion, time), bound)
-            self._course = _Course(goal, step.motion, _arrival(last, step.motion, time), told)
-            return told
+            guidance = Guidance(Order.FOLLOW, outcome.value, setpoints_of(step.motion, time), bound)
+            self._course = _Course(goal, step.motion, _arrival(last, step.motion, time), guidance)
+            return guidance
         self._course = None
-        backup = None if guard is None else guard.beside(step, step.motion.dt)[0]
+        backup = None if guard is None else guard.make_fallback(step, step.motion.dt)
         return _stopping(outcome, backup, time)
 
-    def _anew(self, planner: Planner, start: RigidState, end: RigidState, patience: float = 1.0) -> Iterator[PlanStep]:
+    def _anew(self, planner: Planner, start: RigidState, end: RigidState, patience: float = 1.0) -> PlanSteps:
         """A plan from scratch that may take so many times the usual time."""
         config = self.config
         problem = PlanProblem(self.field, self.robot, start, end)
@@ -170,7 +170,7 @@ class Guide:
 
     def _again(
         self, planner: Planner, last: _Course, start: RigidState, end: RigidState, time: float
-    ) -> Iterator[PlanStep]:
+    ) -> PlanSteps:
         """The rest of the last plan."""
         dt, before = last.motion.dt, len(last.motion.actions)
         left = max(0, min(before, round((last.arrival - time) / dt)))
@@ -182,9 +182,8 @@ class Guide:
     def _begun(self, start: RigidState, end: RigidState, dt: float, leaning: RigidState | None = None) -> RigidState:
         return self.robot.settled(shift_half_step_back(start, dt, leaning), end)
 
-    def _outcome(self, step: PlanStep) -> PlanOutcome:
-        """How planning ended, or what is wrong with the curve through the setpoints."""
-        assert step.outcome is not None, "the last step of a planner has the outcome"
+    def _outcome(self, step: PlanResult) -> PlanOutcome:
+        """Return the outcome of a plan, or that of the curve through its setpoints."""
         if step.outcome not in FLYABLE:
             return step.outcome
         problem = PlanProblem(self.field, self.robot, step.motion.states[0], step.motion.states[-1], dt=step.motion.dt)
@@ -194,9 +193,10 @@ class Guide:
         """Planner and guard of flights, with the map at a height."""
         occupancy = self.map_at(height)
         if id(occupancy) not in self._pilots:
-            where = (self.field, occupancy, self.robot)
             planning, noise = self.config.planning, self.config.noise
-            self._pilots[id(occupancy)] = build_safe_planner(planners.load("fast"), where, planning, None, noise)
+            self._pilots[id(occupancy)] = build_safe_planner(
+                planners.load("fast"), self.field, occupancy, self.robot, planning, noise
+            )
         return self._pilots[id(occupancy)]
 
     def _given_up(self, reason: str) -> Guidance:

@@ -31,14 +31,14 @@ Encoding = Literal["jpeg", "png", "rgb8", "bgr8"]
 
 @dataclass(frozen=True)
 class Size:
-    """Of pictures [pixels]."""
+    """Size of pictures [pixels]."""
 
     width: int
     height: int
 
 
 class Picture(msgspec.Struct, frozen=True, tag="picture", forbid_unknown_fields=True):
-    """A picture and when it was taken."""
+    """Picture with its time."""
 
     time: float
     """By the vehicle's clock [s]."""
@@ -54,7 +54,7 @@ class Picture(msgspec.Struct, frozen=True, tag="picture", forbid_unknown_fields=
 
 
 class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
-    """What the server is."""
+    """Description of the server."""
 
     field: str
     robot: str
@@ -66,13 +66,13 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
 
 
 class AnswerMessage(msgspec.Struct, frozen=True, tag="answer"):
-    """An answer."""
+    """Answer to a picture."""
 
     answer: Answer
 
 
 class Error(msgspec.Struct, frozen=True, tag="error"):
-    """What was wrong with a message."""
+    """Error in a message."""
 
     sentence: str
 
@@ -85,12 +85,12 @@ FromServer = Welcome | AnswerMessage | Error
 
 
 def encode_message(message: Picture | FromServer, text: bool = False) -> bytes | str:
-    """A message as it is sent: bytes, or text."""
+    """Encode a message: bytes, or text."""
     return msgspec.json.encode(message).decode() if text else msgspec.msgpack.encode(message)
 
 
 def decode_picture_message(message: bytes | str) -> Picture:
-    """What a vehicle has sent. Raises MessageError, in one sentence, where that is no picture."""
+    """Decode a message of a vehicle. Raises MessageError, in one sentence, where that is no picture."""
     try:
         return _decoded(message, Picture)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -98,7 +98,7 @@ def decode_picture_message(message: bytes | str) -> Picture:
 
 
 def decode_server_message(message: bytes | str) -> FromServer:
-    """What a server has sent. Raises MessageError where that is none of its messages."""
+    """Decode a message of a server. Raises MessageError where that is none of its messages."""
     try:
         return _decoded(message, FromServer)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -10,34 +10,43 @@ the one before it is refused: the answer says so, and changes nothing. One that 
 by the vehicle's clock is used at its own time, but nothing is planned from it.
 """
 
+import io
 import math
 import time as clock
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 
+import numpy as np
 import torch
+from jaxtyping import UInt8
+from PIL import Image
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, FastFilter
 from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.live.answer import Answer, Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
+from nerfnav.live.messages import Picture
 from nerfnav.live.setpoints import GuidedVehicle, compute_guided_action
 from nerfnav.robots import RigidState, Robot, StateNoise
 from nerfnav.tracking import Frame, TrackedFrame, Tracker, TrackerConfig, TrackStatus
+from nerfnav.tracking.sources.pictures import decode_picture
 
 OLD = "old"
 """Status of a picture that was refused, see Answer."""
 _SMALL = Camera.from_fov(64, 64, 90)
 """Takes the picture by which kernels are compiled."""
+_MOST_PIXELS = 1 << 24
+"""Largest decoded picture: messages come from outside, so sizes are checked before pixels are unpacked."""
 
 
 @dataclass(frozen=True)
 class LiveConfig:
-    """How a vehicle is tracked and guided."""
+    """Options of tracking and guidance."""
 
     tracker: TrackerConfig = dataclass_field(
         default_factory=lambda: TrackerConfig(
@@ -59,7 +68,7 @@ class Navigator:
         self, field: Field, robot: Robot, camera: Camera | None = None, mount: Pose | None = None,
         config: LiveConfig | None = None,
     ) -> None:  # fmt: skip
-        """Know nothing of the vehicle yet; `camera` and `mount` (T_body_camera) are the robot's own by default."""
+        """Begin without a pose; `camera` and `mount` (T_body_camera) are the robot's own by default."""
         self.config = LiveConfig() if config is None else config
         self.field, self.robot = field, robot
         self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
@@ -70,12 +79,12 @@ class Navigator:
 
     @property
     def _settings(self) -> TrackerConfig:
-        """How it is tracked, with what was measured of the field."""
+        """Options of tracking, with the measured properties of the field."""
         settings = self.config.tracker
         return settings.for_field(self.field.info) if isinstance(self.field, GridField) else settings
 
     def forget(self) -> None:
-        """Know nothing of the vehicle: another one comes, or its clock begins anew. What was prepared is kept."""
+        """Begin anew: another vehicle comes, or its clock begins anew. Preparations are kept."""
         self._tracker.forget()
         self._guide.forget()
         self._last = self._followed = None
@@ -92,22 +101,21 @@ class Navigator:
         belief = Belief(here, StateNoise.isotropic(1e-6).covariance())
         view = render_image(self.field, _SMALL, here.pose.compose(self.mount)).image
         draws = torch.Generator().manual_seed(0)
-        for _ in FastFilter(self.field, self.robot, _SMALL, self.mount).correct(belief, view, draws):
-            pass
+        run_steps(FastFilter(self.field, self.robot, _SMALL, self.mount).correct(belief, view, draws))
         x, y, z = there.position.tolist()
         self._guide.toward(Goal((x, y, z)), belief, 0.0)
         self._guide.forget()
 
     def see(self, picture: Tensor, time: float, goal: Goal | None = None, now: float | None = None) -> Answer:
-        """What a picture tells (uint8, height x width x RGB) that was taken at a time [s] of the vehicle's clock.
+        """Track and guide by a picture (uint8, height x width x RGB) of a time [s] of the vehicle's clock.
 
         With a `goal` it says what to do to arrive there; `now` is the time of that clock at the call, from which the
         picture's age follows. Raises InvalidInputError for what is no picture of the camera, or no time.
         """
         self._check(picture, time, now)
         if self._last is not None and not time > self._last:
-            told = f"not used: it was taken at {time:.3f} s, and one of {self._last:.3f} s was seen before"
-            return Answer(time, OLD, told)
+            sentence = f"not used: it was taken at {time:.3f} s, and one of {self._last:.3f} s was seen before"
+            return Answer(time, OLD, sentence)
         action = compute_guided_action(
             self._followed, time if self._last is None else self._last, time, not self.robot.planar
         )
@@ -122,7 +130,7 @@ class Navigator:
         return replace(answer, guidance=guidance, plan_ms=1e3 * (clock.perf_counter() - begun))
 
     def _guidance(self, tracked: TrackedFrame, goal: Goal, age: float) -> Guidance:
-        """What to do about a goal."""
+        """Return the guidance to a goal."""
         oldest = self.config.oldest_s
         if tracked.belief is None or age > oldest or tracked.status in (TrackStatus.FOUND, TrackStatus.FOUND_AGAIN):
             self._guide.forget()
@@ -144,7 +152,7 @@ class Navigator:
 
 
 def _answer(tracked: TrackedFrame) -> Answer:
-    """The numbers of what was tracked."""
+    """Convert a tracked frame to plain numbers."""
     answer = Answer(tracked.time, tracked.status.name.lower(), tracked.status.value, track_ms=tracked.ms)
     if tracked.belief is None:
         return answer
@@ -155,3 +163,37 @@ def _answer(tracked: TrackedFrame) -> Answer:
     (x, y, z), (vx, vy, vz) = mean.position.tolist(), mean.velocity.tolist()
     spread = tuple(tuple(row) for row in body.covariance.tolist())
     return replace(answer, position=(x, y, z), quaternion=(w, i, j, k), velocity=(vx, vy, vz), covariance=spread)
+
+
+def pixels_of(message: Picture, camera: Camera) -> UInt8[Tensor, "height width 3"]:
+    """Decode the picture of a message, RGB. Raises InvalidInputError where it is none, or of other proportions."""
+    width, height = size = _size(message)
+    if min(size) < 1 or width * height > _MOST_PIXELS:
+        raise InvalidInputError(f"pictures have at most {_MOST_PIXELS} pixels, not {width} x {height}")
+    if message.encoding in ("jpeg", "png"):
+        try:
+            picture = decode_picture(message.data, aspect=camera.aspect)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"the picture of {message.time:.3f} s cannot be used: {error}") from error
+        camera.for_picture(picture.shape[1], picture.shape[0])
+        return picture
+    camera.for_picture(width, height)
+    if len(message.data) != 3 * width * height:
+        raise InvalidInputError(
+            f"{width} x {height} pixels of {message.encoding} are {3 * width * height} bytes, not {len(message.data)}"
+        )
+    rows = np.frombuffer(message.data, np.uint8).reshape(height, width, 3)
+    return torch.from_numpy((rows if message.encoding == "rgb8" else rows[..., ::-1]).copy())
+
+
+def _size(message: Picture) -> tuple[int, int]:
+    """Width and height [pixels], as the message or the head of its file says."""
+    if message.encoding not in ("jpeg", "png"):
+        if message.size is None:
+            raise InvalidInputError(f"a picture in {message.encoding} needs its size: width and height")
+        return message.size.width, message.size.height
+    try:
+        with Image.open(io.BytesIO(message.data), formats=[message.encoding]) as picture:
+            return picture.size
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InvalidInputError(f"the picture of {message.time:.3f} s is no {message.encoding} file") from error

@@ -16,7 +16,6 @@ velocities. A vehicle that flies stands as its acceleration wants it: its z axis
 2011). What the vehicle does besides is process noise.
 """
 
-
 from dataclasses import replace
 
 import torch
@@ -30,7 +29,7 @@ from nerfnav.robots import TANGENT, HandHeld, Motion, RigidState, thrust_and_att
 
 
 def shift_half_step_back(state: RigidState, dt: float, leaning: RigidState | None = None) -> RigidState:
-    """Where a motion in steps of `dt` [s] begins that is to pass through a state now.
+    """Return the start of a motion in steps of `dt` [s] that is to pass through a state now.
 
     A motion's attitude R_k is that of its acceleration at knot k + 1, half a step from now: there the attitude and body
     rate are those of `leaning`, where that is known, or what the state's own lead to.
@@ -49,7 +48,7 @@ def knots(motion: Motion) -> Float[Tensor, "knots 3 3"]:
 
 
 def place_on_curve(motion: Motion) -> Motion:
-    """The motion as its setpoints have it, to be judged as the planner's own is."""
+    """Return the motion as its setpoints have it, to be judged as the planner's own is."""
     return replace(motion, states=replace(motion.states, position=knots(motion)[:-1, 0].float()))
 
 
@@ -87,7 +86,7 @@ _INSTANT_S = 0.01
 
 
 class GuidedVehicle(HandHeld):
-    """What is guided."""
+    """Vehicle that follows setpoints."""
 
     action_names = tuple(f"{part}_{axis}" for part in ("dp", "dv", "dtheta", "dw") for axis in "xyz")
     action_weights = (1.0,) * TANGENT
@@ -97,14 +96,14 @@ class GuidedVehicle(HandHeld):
         return super().step(state, action[..., :0], dt).retract(action)
 
     def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, "12"]:
-        """Move on."""
+        """Return the action of constant velocities."""
         return torch.zeros(TANGENT)
 
 
 def compute_guided_action(
     guidance: Guidance | None, start: float, end: float, flies: bool
 ) -> Float[Tensor, "12"] | None:
-    """The action of a vehicle that follows guidance from one time [s] to another; None where it follows none."""
+    """Return the action of a vehicle that follows guidance from one time [s] to another; None where it follows none."""
     before, after = (predict_guided(guidance, time, flies) for time in (start, end))
     if before is None or after is None:
         return None
@@ -112,7 +111,7 @@ def compute_guided_action(
 
 
 def predict_guided(guidance: Guidance | None, time: float, flies: bool) -> RigidState | None:
-    """The state at a time [s] of a vehicle that follows guidance; None where there is none to follow."""
+    """Return the state at a time [s] of a vehicle that follows guidance; None where there is none to follow."""
     if guidance is None or guidance.order not in (Order.FOLLOW, Order.BRAKE):
         return None
     point, later = guidance.at(time), guidance.at(time + _INSTANT_S)

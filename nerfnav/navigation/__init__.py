@@ -1,5 +1,5 @@
 """Navigation: the receding-horizon loop that joins planner, simulator and filter into an episode."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

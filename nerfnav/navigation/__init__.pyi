@@ -1,4 +1,8 @@
 from .episode import Episode as Episode
+from .episode import EpisodeOutcome as EpisodeOutcome
+from .episode import FlightStep as FlightStep
+from .episode import Iteration as Iteration
+from .episode import NavigationStep as NavigationStep
 from .fallback import build_safe_planner as build_safe_planner
 from .flight import FlightRequest as FlightRequest
 from .flight import NavigateConfig as NavigateConfig
@@ -13,8 +17,4 @@ from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator
 from .simulator import world_generator as world_generator
-from .steps import EpisodeOutcome as EpisodeOutcome
-from .steps import Iteration as Iteration
-from .steps import LoopEvent as LoopEvent
-from .steps import NavigationStep as NavigationStep
 from .supervisor import SupervisorState as SupervisorState

@@ -1,13 +1,14 @@
-"""An episode: a flight stacked over time, its numbers, and how it is stored.
+"""Episode: the record of each time step of a flight, the flight stacked over time, its numbers, and its files.
 
 NEES, the normalised estimation error squared, is e' Sigma^-1 e with e = x (-) mu in the tangent of the mean. Its
-expectation is 12, the length of the tangent, when the covariance is honest; more when the filter is overconfident.
+expectation is 12, the length of the tangent, when the covariance is consistent; more when the filter is overconfident.
 (Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation", 2001, section 5.4.)
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from enum import Enum
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -15,45 +16,127 @@ from zipfile import BadZipFile
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import replace_file, write_npz
-from nerfnav.estimator import Belief
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.estimator import Belief, FilterOutcome, FilterResult, FilterStep, RelocaliseResult, RelocaliseStep
+from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.planner import PlanStep
+from nerfnav.planner.steps import Restart
 from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 
 _STATE = tuple(field.name for field in fields(RigidState))
 FORMAT, VERSION = "nerfnav episode", 1
-"""What episode.json says it is."""
+"""Format and version in episode.json."""
+
+
+class EpisodeOutcome(Enum):
+    """Outcome of a flight; the value is what a user reads."""
+
+    REACHED = "the robot is at the goal"
+    COLLIDED = "the robot touched the ground-truth mesh"
+    DIVERGED = "the filter lost the robot"
+    TIMEOUT = "the goal was not reached in time"
+    NO_PLAN = "no plan leads to the goal"
+    TOO_RISKY = "no way was found that is safe enough in the noise to come"
+    STOPPED = "the flight was stopped on the way"
+
+
+@dataclass(frozen=True)
+class NavigationStep:
+    """Record of one time step: action, picture, belief, new plan."""
+
+    index: int
+    """Time step, 0 is the start before any action."""
+    time: float
+    """[s]"""
+    action: Float[Tensor, " a"] | None
+    """The action that led here; None at index 0."""
+    truth: RigidState
+    """True state."""
+    belief: Belief
+    """Believed state."""
+    image: UInt8[Tensor, "height width 3"] | None
+    """The picture; None in open loop, where none came, and at index 0 where the robot did not take one."""
+    update: FilterResult | None
+    """The last iteration of the filter, with its pixels; None where there was no picture."""
+    plan: Motion
+    """Plan from the mean of the belief, or the nearest state that the robot can be in; in open loop the rest of the
+    first plan, whatever the belief."""
+    touched: bool
+    """Whether the body met the ground truth on the way here; False where there is no ground truth."""
+    filter_ms: float
+    """Time of the filter [ms]."""
+    replan_ms: float
+    """Time of the planner [ms]."""
+    outcome: EpisodeOutcome | None = None
+    """Outcome of the flight where it ends here; None while it goes on."""
+    restart: Restart | None = None
+    """Reason for which the plan was made anew in this step; None where it continues the last one."""
+    recovery: SupervisorState | None = None
+    """State of the supervisor; None while nothing is wrong."""
+    late: bool = False
+    """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
+    hits_expected: float | None = None
+    """Collisions to be expected of noise along the first plan, at index 0, by planner/risk/tracking_error.py: mostly
+    more than there will be, for what is near counts anew in each step. No bound: plans made on the way may dare more,
+    and a quick step counts by its mean. Of 2,000 flights between the church's tasks with the state known, 61 touched
+    something where 148 had been expected. None without a safety filter."""
+    fallback: FallbackTrajectory | None = None
+    """Fallback trajectory beside the plan; None without a safety filter, and where the robot holds."""
+    apparent: Belief | None = None
+    """Belief of the state that the field shows, without the map error (estimator/schmidt_kalman.py); None: `belief`,
+    which has it."""
+
+    @property
+    def filter_belief(self) -> Belief:
+        """Belief from which the estimator continues."""
+        return self.belief if self.apparent is None else self.apparent
+
+    @property
+    def filter_outcome(self) -> FilterOutcome | None:
+        """Outcome of the filter's update; None where it did not run."""
+        return None if self.update is None else self.update.outcome
+
+    @property
+    def holds(self) -> bool:
+        """Check whether the robot comes to rest and waits, for lack of a position or of a safe plan."""
+        return self.recovery is not None and self.recovery.holds
+
+
+Iteration = PlanStep | FilterStep
+"""Iteration of planner or filter within a time step."""
+FlightStep = Iteration | RelocaliseStep | RelocaliseResult | NavigationStep
+"""All that `navigate` yields, in the order in which it happens."""
 
 
 @dataclass(frozen=True)
 class Episode:
-    """What happened at times 0, dt, ..., n dt."""
+    """Flight stacked over the times 0, dt, ..., n dt."""
 
     truth: RigidState
-    """Where the robot was; batch shape (n + 1,)."""
+    """True states; batch shape (n + 1,)."""
     beliefs: Belief
-    """Where it believed to be; batch shape (n + 1,)."""
+    """Beliefs; batch shape (n + 1,)."""
     actions: Float[Tensor, "n a"]
-    """What it did in each step."""
+    """Action of each step."""
     plans: tuple[Motion, ...]
-    """What it intended at each of the n + 1 times; plans are of different lengths."""
+    """Plan at each of the n + 1 times; plans are of different lengths."""
     touched: Bool[Tensor, " n+1"]
     """Whether the body met the ground truth on the way to each time."""
     filter_ms: Float[Tensor, " n+1"]
-    """Time that the filter took [ms]."""
+    """Time of the filter [ms]."""
     replan_ms: Float[Tensor, " n+1"]
-    """Time that the planner took [ms]; the first is the first plan's."""
+    """Time of the planner [ms]; the first is that of the first plan."""
     dt: float
     """Length of a step [s]."""
     outcome: EpisodeOutcome
-    """How it ended."""
+    """Outcome of the flight."""
     recoveries: tuple[SupervisorState | None, ...] = ()
-    """What was done at each time where the picture disagreed with the belief; shorter where nothing ever was."""
+    """State of the supervisor at each time; shorter where it is unknown."""
     late: tuple[int, ...] = ()
     """Time steps that passed while filter and planner were still at an earlier one, in real time."""
 
@@ -80,12 +163,12 @@ class Episode:
 
     @property
     def times(self) -> Float[Tensor, " times"]:
-        """[s]"""
+        """Times of the steps [s]."""
         return self.dt * torch.arange(len(self.touched))
 
     @property
     def goal(self) -> RigidState:
-        """Where the robot was to arrive in the end: a goal may move, and what a robot does that holds leads nowhere."""
+        """Last goal: a goal may move, and the plans of a robot that holds lead to none."""
         led = [
             plan.states[-1]
             for plan, recovery in zip_longest(self.plans, self.recoveries)
@@ -94,16 +177,16 @@ class Episode:
         return led[-1] if led else self.plans[0].states[-1]
 
     def errors(self) -> Float[Tensor, "times 12"]:
-        """e = truth (-) mean at each time, in the tangent of the mean."""
+        """Compute e = truth (-) mean at each time, in the tangent of the mean."""
         return self.beliefs.mean.local(self.truth)
 
     def nees(self) -> Float[Tensor, " times"]:
-        """Normalised estimation error squared at each time."""
+        """Compute the normalised estimation error squared at each time."""
         errors = self.errors().double()
         return (errors * torch.linalg.solve(self.beliefs.covariance.double(), errors)).sum(-1).float()
 
     def metrics(self) -> dict[str, Any]:
-        """The numbers of the flight, as `nerfnav fly --json` prints them; plain numbers, None where there are none.
+        """Compute the numbers of the flight, as `nerfnav fly --json` prints them; None where there are none.
 
         Errors and times are those of the n steps; the start, before any picture, is left out.
         """
@@ -134,7 +217,7 @@ class Episode:
         }
 
     def save(self, folder: Path) -> tuple[Path, ...]:
-        """Write episode.npz and episode.json into a folder, which is made where it is missing; returns both."""
+        """Write episode.npz and episode.json into a folder, which is made where it is missing; return both."""
         folder.mkdir(parents=True, exist_ok=True)
         arrays = _arrays("truth", self.truth) | _arrays("belief", self.beliefs.mean)
         arrays |= _arrays("plan", RigidState.cat([plan.states for plan in self.plans]))
@@ -162,7 +245,7 @@ class Episode:
         try:
             about = json.loads((folder / "episode.json").read_text())
             if (about["format"], about["version"]) != (FORMAT, VERSION):
-                raise ValueError(f"it says format {about['format']!r}, version {about['version']!r}")
+                raise ValueError(f"it has format {about['format']!r}, version {about['version']!r}")
             with np.load(folder / "episode.npz", allow_pickle=False) as stored:
                 return _unpacked({name: torch.from_numpy(stored[name]) for name in stored.files}, about)
         except FileNotFoundError as error:

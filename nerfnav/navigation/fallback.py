@@ -1,20 +1,18 @@
-"""Fallback trajectory: beside the plan, a way to come to rest in free space, flown when the plan is no longer safe.
+"""Fallback trajectory: comes to rest in free space beside each plan, and is flown when the plan is no longer safe.
 
-Each candidate brakes to a wanted velocity and then to rest: straight on, upwards, and away from what is near (down
-the slope of the collision map). It is judged as plans are, by Eq. 1 on the field that planners see, where unproven
-space is solid; it counts as safe when no point of the body is as likely as not to be hit and it ends at rest where
-the body fits. (As SUPER does on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science
-Robotics, 2025.)
+Each candidate brakes to a target velocity and then to rest: straight on, upwards, and away from obstacles (down the
+slope of the collision map). It is judged as plans are, by Eq. 1 on the field that planners see, where unproven space
+is solid; it is safe when a collision is less likely than not and it ends at rest where the body fits. (As SUPER does
+on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science Robotics, 2025.)
 
 `build_safe_planner` makes the planner of a disturbed robot, and the safety filter that keeps a fallback ready.
+`come_to_rest` is the trajectory of a robot that does not know its position, and therefore no free space.
 """
 
-
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -22,53 +20,50 @@ from torch import Tensor
 from nerfnav.field import Field
 from nerfnav.planner import (
     NEAR_CERTAIN,
-    PAPER_NOISE,
     CollisionMap,
     CostTerm,
     CostWeights,
     FieldPlanner,
-    NoiseModel,
     OccupancyMap,
     Planner,
     PlannerConfig,
     PlannerEntry,
     PlanOutcome,
     PlanProblem,
-    PlanStep,
+    PlanResult,
     RiskContext,
     collision_probability_bound,
     fits,
 )
-from nerfnav.planner.kernels.terms import endangered
 from nerfnav.planner.terms.risk import RISK
-from nerfnav.robots import Motion, RigidState, Robot, StateNoise
+from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot, StateNoise
 
-_NO_GOOD = (
+_UNSAFE = (
     PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.NO_PATH, PlanOutcome.DIVERGED,
 )  # fmt: skip
-"""Outcomes of plans for which a backup is flown."""
+"""Outcomes of plans in place of which the fallback is flown."""
 
 
 @dataclass(frozen=True)
 class FallbackConfig:
-    """How a robot would come to rest."""
+    """Shape of a fallback trajectory."""
 
     steps: int = 10
-    """Time steps in which it has to."""
+    """Its time steps."""
     evading: int = 4
     """Of these, the first ones in which it evades."""
     speed: float = 0.4
-    """With which it evades [m/s]."""
+    """Speed of the evasion [m/s]."""
     resting: float = 0.1
-    """Speed below which it counts as at rest [m/s]."""
+    """Speed below which the robot counts as at rest [m/s]."""
 
 
 @dataclass(frozen=True)
 class FallbackTrajectory:
-    """A way to come to rest."""
+    """A trajectory that comes to rest, and its risk."""
 
     motion: Motion
-    """From where the robot believes to be."""
+    """The trajectory, from the start of the plan beside it."""
     bound: float
     """Upper bound of the probability that it collides, by Eq. 1."""
     safe: bool
@@ -77,38 +72,38 @@ class FallbackTrajectory:
 
 @dataclass(frozen=True)
 class SafetyFilter:
-    """What keeps a backup ready."""
+    """Safety filter: keeps a fallback trajectory ready, and rejects plans that are less safe."""
 
     field: Field
-    """Where, as planners see it."""
+    """The field as planners see it."""
     robot: Robot
-    """Who."""
-    disturbance: NoiseModel = PAPER_NOISE
-    """What pushes it."""
+    """The robot that flies."""
+    noise: NoiseModel = PAPER_NOISE
+    """Noise of its motion."""
     config: FallbackConfig = dataclasses.field(default_factory=FallbackConfig)
-    """How."""
+    """Shape of fallback trajectories."""
 
-    def beside(self, planned: PlanStep, dt: float) -> tuple[FallbackTrajectory, bool]:
-        """The backup from where a plan starts, and whether it is to be flown: it is safe, and the plan is not.
-
-        Beside a good plan it is to brake straight on; evading is tried where the plan is no longer good.
-        """
+    def make_fallback(self, planned: PlanResult, dt: float) -> FallbackTrajectory:
+        """Make the fallback from the start of a plan: straight braking; evasion where both are unsafe."""
         start = planned.trajectory.start
-        best = self._judged(self._braking(start, torch.zeros_like(start.velocity), dt))
-        if planned.outcome not in _NO_GOOD:
-            return best, False
-        for wanted in () if best.safe else self._ways_out(start, dt):
-            found = self._judged(self._braking(start, wanted, dt))
-            best = max(best, found, key=lambda backup: (backup.safe, -backup.bound))
-            if best.safe:
-                break
-        return best, best.safe and best.bound < self._bound(planned.motion)
+        best = self._judge(self._brake(start, torch.zeros_like(start.velocity), dt))
+        if planned.outcome in _UNSAFE and not best.safe:
+            for velocity in self._evasions(start, dt):
+                found = self._judge(self._brake(start, velocity, dt))
+                best = max(best, found, key=lambda fallback: (fallback.safe, -fallback.bound))
+                if best.safe:
+                    break
+        return best
 
-    def hits_expected(self, motion: Motion) -> float:
-        """Collisions to be expected of noise along a plan."""
+    def rejects(self, planned: PlanResult, fallback: FallbackTrajectory) -> bool:
+        """Check whether the fallback is flown in place of the plan: it is safe, and the plan is not."""
+        return planned.outcome in _UNSAFE and fallback.safe and fallback.bound < self._bound(planned.motion)
+
+    def expected_collisions(self, motion: Motion) -> float:
+        """Compute the expected number of collisions by noise along a plan."""
         states = motion.states
         problem = PlanProblem(
-            self.field, self.robot, states[0], states[-1], len(motion.actions), motion.dt, disturbance=self.disturbance
+            self.field, self.robot, states[0], states[-1], len(motion.actions), motion.dt, noise=self.noise
         )
         with torch.no_grad():
             return RISK.value(problem.context(CostWeights(risk=1.0)), motion).item()
@@ -117,8 +112,8 @@ class SafetyFilter:
         finite = motion.states.position.isfinite().all()
         return collision_probability_bound(self.field, motion, self.robot.body) if finite else 1.0
 
-    def _ways_out(self, start: RigidState, dt: float) -> Iterator[Float[Tensor, "3"]]:
-        """Velocities [m/s] with which it may evade; what costs time is made only when it is asked for."""
+    def _evasions(self, start: RigidState, dt: float) -> Iterator[Float[Tensor, "3"]]:
+        """Velocities [m/s] of evasions, the cheapest to compute first."""
         if not self.robot.planar:
             yield torch.zeros_like(start.velocity).index_fill(0, torch.tensor(2), self.config.speed)
         slope = self._slope(start, dt)
@@ -126,21 +121,18 @@ class SafetyFilter:
             yield -self.config.speed * slope / slope.norm()
 
     def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
-        """Along which the chance of being pushed into something rises most."""
+        """Direction in which the chance of a collision by noise rises most."""
         height = start.position[2].item() if self.robot.planar else None
-        danger = CollisionMap.of(self.field, self.robot, RiskContext(dt, self.disturbance, height=height)).later
-        here, turned = (np.repeat(part.double().numpy()[None], 2, 0) for part in (start.position, start.rotation))
-        slope = np.zeros((2, 3))
-        endangered(here, turned, np.array([0.5]), danger, 0.0, 1.0, slope, np.zeros((2, 3)))
-        return torch.from_numpy(slope.sum(0)).to(start.velocity)
+        chances = CollisionMap.of(self.field, self.robot, RiskContext(dt, self.noise, height=height))
+        return torch.from_numpy(chances.gradient_at(start)).to(start.velocity)
 
-    def _braking(self, start: RigidState, wanted: Float[Tensor, "3"], dt: float) -> Motion:
-        """Brake to a velocity, for so long as the robot evades, then to rest."""
-        velocities = wanted.new_zeros(self.config.steps, 3)
-        velocities[: self.config.evading] = wanted
-        return self.robot.held(start, velocities, dt, self.config.resting)
+    def _brake(self, start: RigidState, velocity: Float[Tensor, "3"], dt: float) -> Motion:
+        """Brake to a velocity for the steps of the evasion, then to rest."""
+        velocities = velocity.new_zeros(self.config.steps, 3)
+        velocities[: self.config.evading] = velocity
+        return self.robot.roll_out_hold(start, velocities, dt, self.config.resting)
 
-    def _judged(self, motion: Motion) -> FallbackTrajectory:
+    def _judge(self, motion: Motion) -> FallbackTrajectory:
         bound, last = self._bound(motion), motion.states[-1]
         rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
         return FallbackTrajectory(motion, bound, rests and bound < NEAR_CERTAIN)
@@ -148,23 +140,35 @@ class SafetyFilter:
 
 def build_safe_planner(
     entry: PlannerEntry,
-    where: tuple[Field, OccupancyMap, Robot],
+    field: Field,
+    occupancy: OccupancyMap,
+    robot: Robot,
     settings: PlannerConfig,
-    again: PlannerConfig | None,
     noise: StateNoise,
+    again: PlannerConfig | None = None,
     terms: tuple[CostTerm, ...] | None = None,
 ) -> tuple[Planner, SafetyFilter | None]:
-    """The planner of `entry` for the field as planners see it, its map and a robot, and what keeps a backup ready.
+    """Build the planner of a registry entry for a disturbed robot, and its safety filter.
 
-    The first plan counts as much risk as those `again` do (None: as the entry has them); where they count none, there
-    is no backup. `noise` is what pushes the robot at each step; `terms` are what J is the sum of, None: all that
-    are registered.
+    `field` is that which planners see, `occupancy` its map. The first plan weighs risk as the settings `again` of
+    later plans do (None: those of the entry); where they do not weigh it, there is no safety filter. `noise` disturbs
+    the robot in each step; `terms` sum to J, None: all that are registered.
     """
-    field, occupancy, robot = where
     again = again or entry.again(settings)
-    risk, pushed = again.weights.risk, NoiseModel(noise.deviations)
+    risk, pushed = again.weights.risk, NoiseModel(noise)
     first = replace(settings, weights=replace(settings.weights, risk=risk))
     planner = entry.planner(field, robot, first, again, occupancy)
     if isinstance(planner, FieldPlanner):
-        planner = replace(planner, disturbance=pushed, terms=planner.terms if terms is None else terms)
+        planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms)
     return planner, SafetyFilter(field, robot, pushed) if risk else None
+
+
+def come_to_rest(
+    robot: Robot, start: RigidState, steps: int, dt: float, yaw_rate: Callable[[RigidState], float] | None = None
+) -> Motion:
+    """Brake in `steps` steps of `dt` [s] and stay, turning with a yaw rate [rad/s] that depends on the state."""
+    states, actions = [start], []
+    for _ in range(steps):
+        actions.append(robot.hold(states[-1], dt, 0.0 if yaw_rate is None else yaw_rate(states[-1])))
+        states.append(robot.step(states[-1], actions[-1], dt))
+    return Motion(RigidState.stack(states), torch.stack(actions), dt)

@@ -1,14 +1,11 @@
 """Flight: request (goal, time steps), navigation stack (planner, estimator, ...), configuration, and context.
 
-The request and the stack stay as they are during a flight. What the operator asks of the next time step may change:
-the goal, a gust, a robot put down elsewhere, a search. The active goal follows from that. The context joins these,
-and says what the camera should see.
+The request and the stack stay the same during a flight. Before each time step the operator may request a new goal, a
+gust, a kidnapping or a search; the active goal follows from that.
 """
 
-
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import torch
@@ -17,76 +14,70 @@ from nerfnav.estimator import ConsiderCovariance, Estimator, FilterConfig
 from nerfnav.field import Field
 from nerfnav.geometry import Pose
 from nerfnav.navigation.fallback import SafetyFilter
-from nerfnav.navigation.realtime import Clock
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorConfig
-from nerfnav.planner import Planner, PlanStep, fits
-from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, choose_headings
-from nerfnav.planner.visibility import find_best_turn
+from nerfnav.planner import Planner
 from nerfnav.robots import Motion, RigidState, StateNoise
+
+Clock = Callable[[], float]
+"""Seconds since any time."""
 
 
 @dataclass(frozen=True)
 class OperatorRequests:
-    """What is asked of the flight for its next time step."""
+    """Requests of the operator for the next time step."""
 
     goal: RigidState | None = None
-    """Where it shall arrive from now on; None: where it is going already."""
+    """New goal; None: the goal stays."""
     gust: StateNoise | None = None
-    """A disturbance that comes on top of the usual one in this time step."""
-    carried: Pose | None = None
-    """T_world_body at which a hand puts the robot down at the end of this time step, before it looks."""
+    """Disturbance of this time step, on top of the usual one."""
+    kidnap_pose: Pose | None = None
+    """T_world_body to which the robot is moved at the end of this time step, before its picture."""
     search: bool = False
-    """Whether to look for the robot everywhere in the picture of this time step, even if nothing seems wrong."""
+    """Whether to run global localization on the picture of this time step, even if nothing seems wrong."""
 
 
 @dataclass(frozen=True)
 class ActiveGoal:
-    """Where a flight is going."""
+    """Goal of the plans of a flight, with the heading that was chosen for it."""
 
     goal: RigidState
-    """Where it shall arrive."""
+    """State at which the robot shall arrive."""
     since: int = 0
-    """The time step at which this became the goal."""
+    """Time step at which this became the goal."""
     end: RigidState | None = None
-    """Where plans lead: there, with a heading in which something is seen; None: with the heading that it is told."""
+    """The goal with a heading in which the camera sees something; None: not chosen yet, the goal's own counts."""
     keeps_headings: bool = False
-    """Whether plans keep the headings of those before, which were chosen for what they show."""
+    """Whether plans keep the headings of the plan before, which were chosen for what they show."""
 
-    def heeding(self, orders: OperatorRequests, index: int) -> "ActiveGoal":
-        """The course after orders that came at time step `index`."""
-        goal = orders.goal
-        if goal is None or _same(goal, self.goal):
+    def replaced_by(self, goal: RigidState | None, index: int) -> "ActiveGoal":
+        """Return the active goal after a request at time step `index`; None requests none."""
+        if goal is None or _is_same_pose(goal, self.goal):
             return self
-        return replace(self, goal=goal, since=index, end=None, keeps_headings=False)
+        return ActiveGoal(goal, since=index)
 
     @property
-    def leads_to(self) -> RigidState:
-        """Where the next plan leads."""
+    def plan_end(self) -> RigidState:
+        """State at which the next plan ends."""
         return self.end or self.goal
 
-    def after(self, planned: PlanStep) -> "ActiveGoal":
-        """The course after a plan, which has kept its headings unless it was made anew."""
-        return replace(self, keeps_headings=self.keeps_headings and planned.restart is None)
 
-
-def _same(one: RigidState, other: RigidState) -> bool:
+def _is_same_pose(one: RigidState, other: RigidState) -> bool:
     return torch.equal(one.position, other.position) and torch.equal(one.rotation, other.rotation)
 
 
 @dataclass(frozen=True)
 class NavigateConfig:
-    """How a flight is flown; how it is planned is the pilot's planner's own."""
+    """Configuration of a flight; the planner of the stack has its own."""
 
     filter: FilterConfig = field(default_factory=FilterConfig)
-    """How the state is estimated; in open loop, `process_noise` alone counts."""
+    """State estimation; in open loop, `process_noise` alone counts."""
     noise: StateNoise = field(default_factory=StateNoise)
-    """What disturbs the true robot at each step (paper: 2 cm, 0.02 rad, half on the rates)."""
+    """Noise of the true robot in each step (paper: 2 cm, 0.02 rad, half on the rates)."""
     initial: StateNoise = field(default_factory=lambda: StateNoise.isotropic(0.01**2))
-    """Spread of the first belief around the truth, and its covariance: 1 cm, 0.01 rad (paper: covariance 0.1 I)."""
+    """Error of the first belief, and its covariance: 1 cm, 0.01 rad (paper: covariance 0.1 I)."""
     look_first: bool = True
-    """Whether the robot takes a picture before it leaves (paper: no), so that it does not set out from where it only
-    was told to be."""
+    """Whether the robot takes a picture before it leaves (paper: no), so that it does not rely on the given start."""
     goal_tolerance_m: float = 0.08
     """REACHED when the believed position is this near to the goal [m]."""
     minimum_horizon: int = 6
@@ -94,113 +85,77 @@ class NavigateConfig:
     timeout_factor: float = 2.0
     """TIMEOUT after this many times the planned steps; those in which the robot held count only beyond as many."""
     most_hits: float | None = None
-    """TOO_RISKY, on the ground, where more collisions than this are to be expected of noise along the first plan, of a
-    flight with a guard; None: any number will do."""
+    """TOO_RISKY, on the ground, where more collisions than this are expected of noise along the first plan, of a flight
+    with a safety filter; None: any number is accepted."""
     recovery: SupervisorConfig = field(default_factory=SupervisorConfig)
-    """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
+    """Supervision of the belief; DIVERGED when it does not recover."""
     in_sight: float = 0.4
-    """Share of a picture that has edges from which on it is as good as any: not the void, no blank wall. A robot that
-    may turn as it likes arrives with the heading by which most is seen on its way, where that is clearly more than by
-    the goal's; 0, as in the paper: with the goal's."""
+    """Share of a picture with edges from which on it is as good as any: not the void, no blank wall. A robot that may
+    choose its heading arrives with the one by which most is seen on its path, where that is clearly more than by the
+    goal's; 0, as in the paper: with the goal's."""
     leash_m: float = 0.0
-    """How far the believed position may be from where the last plan has led by now, for the next plan to begin there
-    [m]: something must track plans then, between steps. 0, as in the paper: plans begin where the robot believes to
-    be."""
+    """Largest distance of the believed position from the state that the last plan has led to by now, for the next plan
+    to begin at that state [m]: a controller must track plans then, between steps. 0, as in the paper: plans begin at
+    the believed state."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
 
     @classmethod
     def paper(cls) -> "NavigateConfig":
-        """The paper's assumptions: covariance 0.1 I at the start and for the process noise."""
+        """Return the paper's assumptions: covariance 0.1 I at the start and for the process noise."""
         initial = StateNoise.isotropic(0.1)
         return cls(filter=FilterConfig.paper(), initial=initial, look_first=False, in_sight=0.0)
 
 
 @dataclass(frozen=True)
 class FlightRequest:
-    """What is to be flown, from where the simulator stands."""
+    """Request of a flight from the state of the simulator."""
 
     goal: RigidState
-    """Where the robot shall arrive."""
+    """State at which the robot shall arrive."""
     steps: int = 20
     """Time steps of the first plan (paper: 20)."""
     dt: float = 0.1
     """Length of a time step [s] (paper: 0.1)."""
     plan: Motion | None = None
     """A first plan that is already made, from the start to the goal; None: plan now."""
-    orders: Callable[[], OperatorRequests] = OperatorRequests
-    """Asked at the beginning of each time step for what has changed meanwhile."""
+    operator: Callable[[], OperatorRequests] = OperatorRequests
+    """Called once before each time step."""
     realtime: bool = False
     """Whether the world goes on while filter and planner compute (see navigation/realtime.py)."""
     clock: Clock = perf_counter
-    """By which it is told how long they take [s]."""
+    """Measures how long filter and planner compute [s]."""
 
 
 @dataclass(frozen=True)
 class NavigationStack:
-    """Who flies."""
+    """Planner and estimator of a robot, with what makes them safe."""
 
     planner: Planner
-    """Finds the way."""
+    """Plans and replans."""
     estimator: Estimator
-    """Says where the robot is."""
+    """Filters the state."""
     relocaliser: Relocaliser | None = None
-    """Finds a robot that is lost; None: lost is lost."""
-    guard: SafetyFilter | None = None
-    """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
-    seen: Field | None = None
-    """What its camera sees, as a field; None: it needs no pictures."""
-    lasting: ConsiderCovariance = field(default_factory=ConsiderCovariance)
-    """By what this field shows its camera elsewhere, in picture after picture."""
+    """Finds a robot that is lost; None: a lost robot stays lost."""
+    safety_filter: SafetyFilter | None = None
+    """Keeps a fallback trajectory ready beside each plan; None: plans are flown even where they are not safe."""
+    camera_field: Field | None = None
+    """Field that predicts what the camera sees, for the choice of headings; None: headings are not chosen."""
+    map_error: ConsiderCovariance = field(default_factory=ConsiderCovariance)
+    """Error of that field, the same in picture after picture."""
 
 
 @dataclass(frozen=True)
 class FlightContext:
-    """What does not change during a flight, but for the orders."""
+    """All that stays the same during a flight."""
 
-    mission: FlightRequest
+    request: FlightRequest
     simulator: Simulator
-    pilot: NavigationStack
+    stack: NavigationStack
     config: NavigateConfig
     generator: torch.Generator
-    orders: OperatorRequests = field(default_factory=OperatorRequests)
-    """Of this time step alone."""
 
     @property
-    def lookout(self) -> Supervisor:
-        """What looks for the robot when it is lost."""
-        return Supervisor(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
-
-    @property
-    def watch(self) -> YawObjective | None:
-        """How the camera looks at what is there; None where that does not matter, and on the ground, where it takes
-        room to turn, or leads elsewhere."""
-        seen, enough, guard = self.pilot.seen, self.config.in_sight, self.pilot.guard
-        if seen is None or enough == 0 or self.config.open_loop or self.simulator.robot.planar:
-            return None
-        may_be = partial(fits, seen if guard is None else guard.field, self.simulator.robot.body)
-        return YawObjective(seen, enough, self.simulator.mount, may_be)
-
-    def sees(self, state: RigidState) -> tuple[float, float]:
-        """How much of enough the camera should see there, and by how much to turn to see more [rad]; see sight.py."""
-        watch = self.watch
-        return (1.0, 0.0) if watch is None else find_best_turn(watch.matter, state, watch.enough, watch.mount)
-
-    def seeing(
-        self, course: ActiveGoal, here: RigidState, rest: Motion, leads: bool = True
-    ) -> tuple[ActiveGoal, Motion]:
-        """The course with an end in which something is seen, and what is left of a plan with headings that show more.
-
-        `rest` begins where the robot believes to be; whether it `leads` to the goal: else that is straight ahead. A
-        robot that has nothing to look for arrives as it was told.
-        """
-        watch = self.watch
-        if watch is None:
-            return replace(course, end=course.goal), rest
-        way = rest.states if leads else RigidState.stack([here, course.goal])
-        sights, goal = watch.sights(way), course.leads_to
-        end = choose_goal_heading(watch, sights, (here, goal))
-        turned = choose_headings(watch, sights, rest, (here, goal, end), self.simulator.robot) if leads else None
-        if turned is None:
-            return replace(course, end=end, keeps_headings=False), rest
-        return replace(course, end=turned.states[-1], keeps_headings=True), turned
+    def supervisor(self) -> Supervisor:
+        """Supervisor of the belief."""
+        return Supervisor(self.stack.relocaliser, self.config.recovery, self.simulator.mount)

@@ -1,79 +1,118 @@
-"""Active looking: turn a robot that holds and sees too little, first to what its field shows, then all around."""
+"""Active looking: choose headings in which the camera sees something, and turn a robot that holds and sees too little.
+
+A robot that holds turns first to the heading in which its field shows something, then all around.
+"""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import FlightContext
-from nerfnav.navigation.steps import NavigationStep, SupervisorMemory
-from nerfnav.navigation.supervisor import SupervisorState, come_to_rest
-from nerfnav.planner.active_yaw import turning_rate, wrapped
+from nerfnav.navigation.episode import NavigationStep
+from nerfnav.navigation.fallback import come_to_rest
+from nerfnav.navigation.flight import ActiveGoal, FlightContext
+from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState
+from nerfnav.planner import fits
+from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, limit_yaw_rate, wrap_yaw
+from nerfnav.planner.active_yaw import choose_headings as choose_plan_headings
+from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import Motion, RigidState
 
 _ARRIVING = 0.8
-"""Share of what is left to turn that is turned in a step."""
+"""Share of the remaining angle that is turned in a step."""
 _IN_VAIN_S = 0.5
-"""After so long beyond the time that the turn takes, there is nothing to be seen where something should be [s]."""
+"""Time beyond that of the turn after which nothing is visible where something should be [s]."""
 _NOTHING = 0.1
-"""Share of what a camera needs to see below which it sees nothing."""
+"""Share of the visibility that a camera needs, below which it sees nothing."""
 
 
-@dataclass(frozen=True)
-class YawRateCommand:
-    """Turns to a heading, or all around."""
+def choose_headings(
+    goal: ActiveGoal, here: RigidState, rest: Motion, flight: FlightContext, leads: bool = True
+) -> tuple[ActiveGoal, Motion]:
+    """Choose a heading at the goal in which the camera sees something, and headings for the rest of a plan.
 
-    aim: float | None
-    """The heading [rad]; None: all around."""
-    most: float
-    """With which it turns there at most [rad/s]."""
-    around: float
-    """With which it turns all around [rad/s]."""
-    dt: float
-    """Length of a time step [s]."""
-
-    def __call__(self, state: RigidState) -> float:
-        """The rate to turn with next [rad/s]: what is chosen now turns the robot in the step after this."""
-        if self.aim is None:
-            return self.around
-        soon = so3.yaw_of(so3.retract(state.rotation, state.body_rate * self.dt)).item()
-        return max(-self.most, min(self.most, _ARRIVING * wrapped(self.aim - soon) / self.dt))
+    `rest` begins at the believed state; it `leads` to the goal, else the path is taken to be straight. Headings stay
+    as they are where visibility does not count.
+    """
+    objective = _yaw_objective(flight)
+    if objective is None:
+        return replace(goal, end=goal.goal), rest
+    profile = objective.profile_along(rest.states if leads else RigidState.stack([here, goal.goal]))
+    end = choose_goal_heading(objective, profile, (here, goal.plan_end))
+    if leads:
+        turned = choose_plan_headings(objective, profile, rest, (here, goal.plan_end, end), flight.simulator.robot)
+        if turned is not None:
+            return replace(goal, end=turned.states[-1], keeps_headings=True), turned
+    return replace(goal, end=end, keeps_headings=False), rest
 
 
-def choose_turn(doubt: SupervisorMemory, flight: FlightContext, lost: bool) -> YawRateCommand:
-    """How a robot turns all the time that it holds: one that is not lost first to where it should see something, by
-    where it was when that began; else to the middle of the place, for there is more to be seen than outside."""
-    began, guard, dt = doubt.way.states[0], flight.pilot.guard, flight.mission.dt
+def predict_visibility(state: RigidState, flight: FlightContext) -> tuple[float, float]:
+    """Predict the visibility from a state, as a share of what is enough, and the turn to a better heading [rad]."""
+    objective = _yaw_objective(flight)
+    if objective is None:
+        return 1.0, 0.0
+    return find_best_turn(objective.matter, state, objective.enough, objective.mount)
+
+
+def _yaw_objective(flight: FlightContext) -> YawObjective | None:
+    """None where visibility does not count, and on the ground, where a turn takes room, or changes the path."""
+    field, enough, robot = flight.stack.camera_field, flight.config.in_sight, flight.simulator.robot
+    if field is None or enough == 0 or flight.config.open_loop or robot.planar:
+        return None
+    solid = field if flight.stack.safety_filter is None else flight.stack.safety_filter.field
+    return YawObjective(field, enough, flight.simulator.mount, partial(fits, solid, robot.body))
+
+
+def command_yaw_rate(state: RigidState, aim: float | None, most: float, around: float, dt: float) -> float:
+    """Command a yaw rate [rad/s] that turns to the heading `aim` [rad], at `most`; None: all around, at `around`.
+
+    The command turns the robot in the step of `dt` [s] after this one.
+    """
+    if aim is None:
+        return around
+    soon = so3.yaw_of(so3.retract(state.rotation, state.body_rate * dt)).item()
+    return max(-most, min(most, _ARRIVING * wrap_yaw(aim - soon) / dt))
+
+
+def choose_turn(memory: SupervisorMemory, flight: FlightContext, lost: bool) -> Callable[[RigidState], float]:
+    """Choose the turn of a robot that holds.
+
+    One that is not lost turns first to the heading in which it should see something from where it began to hold; else
+    toward the middle of the place, where there is more to see than outside.
+    """
+    began, safety_filter, dt = memory.plan.states[0], flight.stack.safety_filter, flight.request.dt
     config = flight.config.recovery
-    most = max(config.turn, turning_rate(flight.simulator.robot, config.glance))
-    turn = 0.0 if lost else flight.sees(began)[1]
-    side = 1.0 if guard is None else side_of(began, guard.field.box.center)
+    most = max(config.turn, limit_yaw_rate(flight.simulator.robot, config.glance))
+    turn = 0.0 if lost else predict_visibility(began, flight)[1]
+    side = 1.0 if safety_filter is None else side_of(began, safety_filter.field.box.center)
     around = math.copysign(config.turn, turn if turn else side)
-    in_vain = doubt.unsure * dt > abs(turn) / most + _IN_VAIN_S
+    in_vain = memory.unsure * dt > abs(turn) / most + _IN_VAIN_S
     aim = None if turn == 0 or in_vain else so3.yaw_of(began.rotation).item() + turn
-    return YawRateCommand(aim, most, around, dt)
+    return partial(command_yaw_rate, aim=aim, most=most, around=around, dt=dt)
 
 
 def hold_and_turn(
-    start: RigidState, last: NavigationStep, turn: YawRateCommand | None, flight: FlightContext
+    start: RigidState, last: Motion, turn: Callable[[RigidState], float] | None, flight: FlightContext
 ) -> Motion:
-    """What a robot intends that does not know where it is, and turns meanwhile."""
+    """Plan to come to rest from an estimate after the `last` plan, and to turn meanwhile."""
     robot = flight.simulator.robot
-    start = robot.settled(start, last.plan.states[0])
-    return come_to_rest(robot, start, flight.config.recovery.rest, flight.mission.dt, turn)
+    start = robot.settled(start, last.states[0])
+    return come_to_rest(robot, start, flight.config.recovery.rest, flight.request.dt, turn)
 
 
-def look_before_leaving(step: NavigationStep, flight: FlightContext, doubt: SupervisorMemory) -> NavigationStep:
-    """The first step of a robot that should see nothing from where it stands: it turns before it leaves."""
+def look_before_leaving(step: NavigationStep, memory: SupervisorMemory, flight: FlightContext) -> NavigationStep:
+    """Return the first step of a flight: a robot that should see nothing from its start holds, BLIND, and turns."""
     mean = step.belief.mean
-    if step.outcome is not None or flight.sees(mean)[0] > _NOTHING:
+    if step.outcome is not None or predict_visibility(mean, flight)[0] > _NOTHING:
         return step
-    plan = hold_and_turn(mean, step, choose_turn(doubt, flight, lost=False), flight)
+    plan = hold_and_turn(mean, step.plan, choose_turn(memory, flight, lost=False), flight)
     return replace(step, plan=plan, recovery=SupervisorState.BLIND)
 
 
 def side_of(state: RigidState, place: Tensor) -> float:
-    """1 where a robot has to turn to the left to look at a place, -1 where to the right: its shorter way around."""
+    """Return 1 where a robot has to turn to the left to look at a place, -1 where to the right: the shorter turn."""
     ahead, away = state.rotation[:2, 0], place[:2] - state.position[:2]
     return -1.0 if ahead[0] * away[1] < ahead[1] * away[0] else 1.0

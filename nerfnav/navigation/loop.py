@@ -1,260 +1,292 @@
-"""Navigation loop (Algorithm 1 of the paper): plan, then act, look, filter and plan again until the goal.
+"""Navigation loop, Algorithm 1 of the paper.
 
-    plan from the start (A*, Eq. 2); look, before anything is done
-    repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, warm-started
+    plan           from the start to the goal (A*, Eq. 2); take_off looks and plans again from the belief
+    repeat:
+        act        first action of the plan
+        look       picture of the robot's camera
+        correct    filter (Eqs. 3-8): prediction by the action, correction by the picture
+        supervise  widen the belief, relocalize or hold where pictures disagree with it (supervisor.py)
+        replan     warm-started from the posterior mean; come to rest where the supervisor holds, or where the safety
+                   filter rejects the plan (fallback.py)
 
-While pictures disagree with the belief, the plan is to come to rest (see supervisor.py), and so it is where a
-plan is no longer safe (fallback.py).
+Each of these adds its part to the record of the time step.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from nerfnav.estimator import Belief, Corrector, FilterOutcome, FilterStep
+from nerfnav.estimator import (
+    Belief,
+    Corrector,
+    FilterOutcome,
+    FilterStep,
+    FilterUpdate,
+    RelocaliseResult,
+    RelocaliseStep,
+)
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import ActiveGoal, FlightContext, FlightRequest, NavigateConfig, NavigationStack
-from nerfnav.navigation.looking import choose_turn, hold_and_turn, look_before_leaving
-from nerfnav.navigation.realtime import Overrun, measure_time
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, FlightStep, NavigationStep
+from nerfnav.navigation.flight import (
+    ActiveGoal,
+    FlightContext,
+    FlightRequest,
+    NavigateConfig,
+    NavigationStack,
+    OperatorRequests,
+)
+from nerfnav.navigation.looking import choose_headings, choose_turn, hold_and_turn, look_before_leaving
+from nerfnav.navigation.realtime import fly_missed_steps, measure_time
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep, SupervisorMemory
-from nerfnav.navigation.supervisor import LITTLE, SupervisorState
-from nerfnav.planner import PlanOutcome, PlanStep, Route
+from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState, sees_little
+from nerfnav.planner import PlanOutcome, PlanResult, PlanStep, PlanSteps, Route
 from nerfnav.robots import Motion, RigidState
 
 
 def navigate(
-    mission: FlightRequest,
+    request: FlightRequest,
     simulator: Simulator,
-    pilot: NavigationStack,
+    stack: NavigationStack,
     config: NavigateConfig,
     generator: torch.Generator,
-) -> Iterator[LoopEvent]:
-    """Fly from where the simulator stands to the goal (Algorithm 1).
+) -> Generator[FlightStep, None, Episode]:
+    """Fly from the state of the simulator to the goal (Algorithm 1), and return the episode.
 
-    Yields every iteration of planner and filter, and a NavigationStep for each time step, index 0 first; the last
-    one has the outcome. A robot that touches the ground truth flies on, so that the estimate can be studied, but its
-    outcome is COLLIDED whatever else happens. Raises what the planner raises for ends that cannot be planned
-    between.
+    Yields every iteration of planner and filter, and a NavigationStep for each time step, index 0 first. A robot that
+    touches the ground truth flies on, so that the estimate can be studied, but its outcome is COLLIDED. Raises as the
+    planner does for ends that cannot be planned between.
     """
-    flight = FlightContext(mission, simulator, pilot, config, generator)
-    step, course = yield from _begin(flight)
-    doubt = SupervisorMemory(
-        step.plan, unsure=int(_told_by(step.update) is None)
-    )  # until a picture says where the robot is
-    step = look_before_leaving(step, flight, doubt)
+    flight = FlightContext(request, simulator, stack, config, generator)
+    step = yield from plan(flight)
+    step, goal = yield from take_off(step, flight)
+    memory = SupervisorMemory(step.plan, unsure=int(step.filter_outcome is not FilterOutcome.UPDATED))
+    step = look_before_leaving(step, memory, flight)
     yield step
-    touched, held = False, 0
+    flown = [step]
     while step.outcome is None:
-        world = replace(flight, orders=mission.orders())
-        course = course.heeding(world.orders, step.index)
+        last, requests = step, request.operator()
+        goal = goal.replaced_by(requests.goal, last.index)
+        now = act(last, requests, flight)
         if config.open_loop:
-            now = yield from _drift(step, world)
+            now = dead_reckon(now, last, flight)
         else:
-            now, course = yield from _advance(step, world, course, doubt)
-        passing = _with_missed(step, now, flight)
-        for step in passing:
-            touched |= step.touched
-            held += step.holds
-            doubt = doubt.after(step)
-            outcome = _judge(step, flight, course, held)
-            if outcome is not None and touched:
-                outcome = EpisodeOutcome.COLLIDED
-            step = replace(step, outcome=outcome)
+            image = look(flight)
+            now = yield from correct(now, last, image, memory, flight)
+            now = yield from supervise(now, memory, requests, flight)
+            now, goal = yield from replan(now, last, goal, memory, flight)
+        for step in _in_real_time(last, now, flight):
+            memory = memory.after(step.index, step.plan, step.recovery, step.late)
+            step = replace(step, outcome=judge(step, flown, goal, flight))
+            flown.append(replace(step, image=None, update=None))
             yield step
-            if outcome is not None:
+            if step.outcome is not None:
                 break
+    return Episode.of(flown)
 
 
-def _with_missed(last: NavigationStep, step: NavigationStep, flight: FlightContext) -> Iterator[NavigationStep]:
-    """A time step, and in real time those that passed while it was computed."""
-    yield step
-    if flight.mission.realtime:
-        under_way, pilot = last.plan.left_after(1), flight.pilot
-        yield from Overrun(
-            step, under_way, flight.simulator, pilot.estimator, flight.generator, pilot.lasting
-        ).steps()
-
-
-def _begin(flight: FlightContext) -> Generator[LoopEvent, None, tuple[NavigationStep, ActiveGoal]]:
-    """Plan from the true start, which the user has chosen, then from where the robot believes to be, having looked."""
-    mission, start, config = flight.mission, flight.simulator.state, flight.config
-    goal, course = mission.goal, ActiveGoal(mission.goal, end=mission.goal)
-    belief = Belief(start.retract(config.initial.sample(flight.generator)), config.initial.covariance())
-    motion, spent_ms, outcome = mission.plan, 0.0, None
+def plan(flight: FlightContext) -> Generator[PlanStep, None, NavigationStep]:
+    """Plan from the true start, which the user has chosen, to the goal; or take the plan of the request."""
+    request, start, initial = flight.request, flight.simulator.state, flight.config.initial
+    belief = Belief(start.retract(initial.sample(flight.generator)), initial.covariance())
+    motion, ms, outcome = request.plan, 0.0, None
     if motion is None:
-        planned, spent_ms = yield from measure_time(
-            flight.pilot.planner.plan(Route(start, goal, mission.steps, mission.dt))
-        )
+        route = Route(start, request.goal, request.steps, request.dt)
+        planned, ms = yield from _run_planner(flight.stack.planner.plan(route), flight)
         motion = planned.motion
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
             outcome = EpisodeOutcome.NO_PLAN
-    apparent, image, update, filter_ms = None, None, None, 0.0
-    if outcome is None and not config.open_loop:
-        apparent = flight.pilot.lasting.beside(belief)
-        image, update, filter_ms = yield from _look(apparent, flight)
-        if (seen := _told_by(update)) is not None:
-            apparent, belief = seen, flight.pilot.lasting.beside(seen)
-        course, motion = flight.seeing(ActiveGoal(goal), start, motion)
-        route = Route(belief.mean, course.leads_to, motion.actions.shape[-2], motion.dt, course.keeps_headings)
-        planned, again_ms = yield from measure_time(flight.pilot.planner.replan(motion, route, executed=0))
-        course, motion, spent_ms = course.after(planned), planned.motion, spent_ms + again_ms
-    guard, expected = flight.pilot.guard, None
-    if outcome is None and guard is not None:
-        expected = guard.hits_expected(motion)
-        if config.most_hits is not None and expected > config.most_hits:
-            outcome = EpisodeOutcome.TOO_RISKY
-    step = NavigationStep(
-        0, 0.0, None, start, belief, image, update, motion, False, filter_ms, spent_ms, outcome,
-        hits_expected=expected, apparent=apparent,
-    )  # fmt: skip
-    return step, course
+    return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, ms, outcome)
 
 
-def _look(
-    told: Belief, flight: FlightContext
-) -> Generator[LoopEvent, None, tuple[Tensor | None, FilterStep | None, float]]:
-    """A picture before anything is done, what it says, and how long that took [ms]; nothing where nobody looks, or the
-    estimator makes nothing of what it was told."""
-    estimator = flight.pilot.estimator
-    if not flight.config.look_first or not isinstance(estimator, Corrector) or not estimator.trust_dynamics:
-        return None, None, 0.0
-    image = flight.simulator.look()
-    found = estimator.correct(told, image, flight.generator)
-    update, filter_ms = yield from measure_time(found, flight.mission.clock)
-    return image, update, filter_ms
+def take_off(
+    first: NavigationStep, flight: FlightContext
+) -> Generator[FlightStep, None, tuple[NavigationStep, ActiveGoal]]:
+    """Look before the first action and plan again from the belief; refuse a flight that is too risky."""
+    step, goal, config = first, ActiveGoal(flight.request.goal), flight.config
+    if step.outcome is None and not config.open_loop:
+        step = yield from _correct_at_rest(step, flight)
+        goal, rest = choose_headings(goal, step.truth, step.plan, flight)
+        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, rest.actions.shape[-2], flight)
+        step = replace(step, plan=planned.motion, replan_ms=first.replan_ms + ms)
+    safety_filter, most = flight.stack.safety_filter, config.most_hits
+    if step.outcome is None and safety_filter is not None:
+        expected = safety_filter.expected_collisions(step.plan)
+        risky = most is not None and expected > most
+        step = replace(step, hits_expected=expected, outcome=EpisodeOutcome.TOO_RISKY if risky else None)
+    return step, goal
 
 
-def _told_by(update: FilterStep | None) -> Belief | None:
-    """What a picture says where the robot is; None where there was none, or it says little or something else."""
-    return update.posterior if update is not None and update.outcome is FilterOutcome.UPDATED else None
-
-
-def _advance(
-    last: NavigationStep, flight: FlightContext, course: ActiveGoal, doubt: SupervisorMemory
-) -> Generator[LoopEvent, None, tuple[NavigationStep, ActiveGoal]]:
-    """One turn of Algorithm 1."""
-    mission, simulator, index = flight.mission, flight.simulator, last.index + 1
-    action, touched = _act(last, flight)
-    image = simulator.look()
-    believable = None if flight.lookout.is_lost(doubt.lost) else image  # a false belief may agree with it by chance
-    update, filter_ms = yield from measure_time(
-        flight.pilot.estimator.update(last.followed, believable, action, mission.dt, flight.generator), mission.clock
-    )
-    backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
-    if recovery is not None and recovery.holds:
-        turn = choose_turn(doubt, flight, recovery is SupervisorState.SEARCHED) if recovery.turns else None
-        plan, replan_ms, restart = hold_and_turn(_onward(last, belief, flight), last, turn, flight), 0.0, None
-    else:
-        here, elsewhere = _onward(last, belief, flight), recovery is SupervisorState.RELOCALISED
-        elsewhere |= course.since >= max(doubt.made, 1)
-        sees_little = image is not None and update.outcome in LITTLE
-        told = elsewhere, sees_little
-        course, planned, replan_ms = yield from _replanned(flight, course, doubt, here, told)
-        plan, restart = planned.motion, planned.restart
-        if flight.pilot.guard is not None:
-            began = mission.clock()
-            backup, taken = flight.pilot.guard.beside(planned, mission.dt)
-            replan_ms += 1e3 * (mission.clock() - began)
-            plan, recovery = (backup.motion, SupervisorState.BACKUP) if taken else (plan, recovery)
-    step = NavigationStep(
-        index, index * mission.dt, action, simulator.state, flight.pilot.lasting.beside(belief), image, update, plan,
-        touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup, apparent=belief,
-    )  # fmt: skip
-    return step, course
-
-
-def _replanned(
-    flight: FlightContext, course: ActiveGoal, doubt: SupervisorMemory, here: RigidState, told: tuple[bool, bool]
-) -> Generator[LoopEvent, None, tuple[ActiveGoal, PlanStep, float]]:
-    """The next plan, which carries the last one on, in other headings where little is seen; and how long it took [ms].
-
-    What is told: whether the robot is elsewhere than that plan, or goes elsewhere, and whether it sees little.
-    """
-    way, left, (elsewhere, sees_little) = doubt.way, flight.mission.steps, told
-    clock, began = flight.mission.clock, flight.mission.clock()
-    rest = way.left_after(1)
-    if not elsewhere:
-        left = max(doubt.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
-    if course.end is None or doubt.held or sees_little:
-        course, rest = flight.seeing(course, here, rest, leads=not elsewhere)
-    turned_ms = 1e3 * (clock() - began)
-    route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
-    planned, planned_ms = yield from measure_time(flight.pilot.planner.replan(rest, route, executed=0), clock)
-    return course.after(planned), planned, turned_ms + planned_ms
-
-
-def _onward(last: NavigationStep, belief: Belief, flight: FlightContext) -> RigidState:
-    """Where the next plan begins: where the last one has led by now, or where the robot believes to be.
-
-    A robot that tracks plans is tilted by what it corrects. To plan from there would be to go on with the correction:
-    where it is off by more than its leash, the plan is moved to it, with the tilt and the body rate that were planned.
-    """
-    mean, (before, led) = belief.mean, (last.plan.states[0], last.plan.states[1])
-    if flight.config.leash_m == 0:
-        return mean
-    if (led.position - mean.position).norm() < flight.config.leash_m:
-        return led
-    passing = 0.5 * (before.velocity + led.velocity)  # a plan's velocities are those between two of its times
-    turn = so3.from_yaw(so3.yaw_of(mean.rotation) - so3.yaw_of(led.rotation))
-    return RigidState(mean.position, led.velocity + mean.velocity - passing, turn @ led.rotation, led.body_rate)
-
-
-def _trusted(
-    update: FilterStep, image: Tensor | None, flight: FlightContext, doubt: SupervisorMemory
-) -> Generator[LoopEvent, None, tuple[Belief, SupervisorState | None]]:
-    """The belief to go on with after an update, and what was done where it is not the update's own."""
-    assert update.posterior is not None, "the last step of an estimator has the posterior"
-    lookout, belief, wanted = flight.lookout, update.posterior, flight.orders.search
-    if update.outcome is FilterOutcome.DIVERGED or lookout.is_lost(doubt.lost):
-        return (yield from lookout.recover(belief, image, doubt.lost + 1, at_once=wanted))
-    found = (yield from lookout.search(belief, image)) if wanted else None
-    if found is not None:
-        return found, SupervisorState.RELOCALISED
-    if not lookout.is_blind(belief, update.outcome, doubt.unsure > 0):
-        return belief, None
-    shown = None if update.outcome is FilterOutcome.PREDICTED_ONLY else image  # black and plain pictures are everywhere
-    return (yield from lookout.look_around(belief, shown, doubt.adrift))
-
-
-def _act(last: NavigationStep, flight: FlightContext) -> tuple[Tensor, bool]:
-    """Let the world move on by the first action of the plan; returns it, and whether the body touched anything."""
-    simulator, orders, action = flight.simulator, flight.orders, last.plan.actions[0]
-    touched = simulator.follow(last.plan, orders.gust, last.belief.mean)
-    if orders.carried is not None:
-        simulator.carry(orders.carried)
-    return action, touched
-
-
-def _drift(last: NavigationStep, flight: FlightContext) -> Generator[LoopEvent, None, NavigationStep]:
-    """One time step without looking: the next planned action, and a belief that only spreads."""
-    yield from ()
-    simulator, dt, index = flight.simulator, flight.mission.dt, last.index + 1
-    action, touched = _act(last, flight)
-    belief = predict(last.belief, action, simulator.robot, dt, flight.config.filter.process_noise)
-    rest = Motion(last.plan.states[1:], last.plan.actions[1:], dt)
+def act(last: NavigationStep, requests: OperatorRequests, flight: FlightContext) -> NavigationStep:
+    """Apply the first action of the last plan; return the next time step, with belief and plan still the last ones."""
+    simulator, index = flight.simulator, last.index + 1
+    touched = simulator.follow(last.plan, requests.gust, last.belief.mean)
+    if requests.kidnap_pose is not None:
+        simulator.kidnap(requests.kidnap_pose)
     return NavigationStep(
-        index, index * dt, action, simulator.state, belief, None, None, rest, touched, 0.0, 0.0
+        index, index * flight.request.dt, last.plan.actions[0], simulator.state, last.belief, None, None, last.plan,
+        touched, 0.0, 0.0,
+    )  # fmt: skip
+
+
+def look(flight: FlightContext) -> Tensor | None:
+    """Take the picture of the robot's camera; None where none arrives."""
+    return flight.simulator.look()
+
+
+def correct(
+    now: NavigationStep, last: NavigationStep, image: Tensor | None, memory: SupervisorMemory, flight: FlightContext
+) -> Generator[FilterStep, None, NavigationStep]:
+    """Filter: predict by the action, correct by the picture."""
+    used = None if flight.supervisor.is_lost(memory) else image  # a false belief may agree with it by chance
+    dt, action = flight.request.dt, last.plan.actions[0]
+    steps = flight.stack.estimator.update(last.filter_belief, used, action, dt, flight.generator)
+    return (yield from _run_filter(steps, replace(now, image=image), flight))
+
+
+def supervise(
+    now: NavigationStep, memory: SupervisorMemory, requests: OperatorRequests, flight: FlightContext
+) -> Generator[RelocaliseStep | RelocaliseResult, None, NavigationStep]:
+    """Enter the next state of the supervisor, which may widen the belief, or restart it by global localization."""
+    belief, state = yield from flight.supervisor.supervise(
+        now.filter_belief, now.filter_outcome, now.image, memory, requests.search
     )
+    return replace(now, belief=flight.stack.map_error.beside(belief), apparent=belief, recovery=state)
 
 
-def _judge(step: NavigationStep, flight: FlightContext, course: ActiveGoal, held: int) -> EpisodeOutcome | None:
-    """Whether the flight is over, collisions aside; a robot that does not know where it is has not arrived."""
-    mission, config = flight.mission, flight.config
+def replan(
+    now: NavigationStep, last: NavigationStep, goal: ActiveGoal, memory: SupervisorMemory, flight: FlightContext
+) -> Generator[PlanStep, None, tuple[NavigationStep, ActiveGoal]]:
+    """Plan the rest of the last plan from the posterior mean; come to rest where the supervisor holds."""
+    request, clock, state = flight.request, flight.request.clock, now.recovery
+    here = _start_of_plan(last.plan, now.belief.mean, flight)
+    if state is not None and state.holds:
+        turn = choose_turn(memory, flight, lost=state is SupervisorState.SEARCHED) if state.turns else None
+        return replace(now, plan=hold_and_turn(here, last.plan, turn, flight)), goal
+    began, rest, steps = clock(), memory.plan.left_after(1), request.steps
+    leads = state is not SupervisorState.RELOCALISED and goal.since < max(memory.planned_at, 1)
+    if leads:
+        steps = max(memory.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
+    if goal.end is None or memory.held or (now.image is not None and sees_little(now.filter_outcome)):
+        goal, rest = choose_headings(goal, here, rest, flight, leads)
+    headings_ms = 1e3 * (clock() - began)
+    planned, ms, goal = yield from _replan(rest, here, goal, steps, flight)
+    now = replace(now, plan=planned.motion, restart=planned.restart, replan_ms=headings_ms + ms)
+    return _filter_plan(planned, now, flight), goal
+
+
+def dead_reckon(now: NavigationStep, last: NavigationStep, flight: FlightContext) -> NavigationStep:
+    """Fly in open loop: the dynamics alone move the belief, and the rest of the plan is flown next."""
+    dt, motion = flight.request.dt, last.plan
+    noise = flight.config.filter.process_noise
+    belief = predict(last.belief, motion.actions[0], flight.simulator.robot, dt, noise)
+    return replace(now, belief=belief, plan=Motion(motion.states[1:], motion.actions[1:], dt))
+
+
+def judge(
+    step: NavigationStep, flown: Sequence[NavigationStep], goal: ActiveGoal, flight: FlightContext
+) -> EpisodeOutcome | None:
+    """Judge whether a flight ends at this time step; COLLIDED where the body has touched anything until then."""
+    outcome = _judge_arrival(step, sum(before.holds for before in (*flown[1:], step)), goal, flight)
+    touched = outcome is not None and any(before.touched for before in (*flown, step))
+    return EpisodeOutcome.COLLIDED if touched else outcome
+
+
+def _judge_arrival(
+    step: NavigationStep, held: int, goal: ActiveGoal, flight: FlightContext
+) -> EpisodeOutcome | None:
+    """Judge collisions aside; a robot that holds has not arrived, and the time that it held counts in part."""
+    config = flight.config
     if step.recovery is SupervisorState.LOST:
         return EpisodeOutcome.DIVERGED
     if not _is_finite(step.plan):
         return EpisodeOutcome.NO_PLAN
     if config.open_loop and len(step.plan.actions):
         return None
-    if not step.holds and (step.belief.mean.position - course.goal.position).norm() < config.goal_tolerance_m:
+    if not step.holds and (step.belief.mean.position - goal.goal.position).norm() < config.goal_tolerance_m:
         return EpisodeOutcome.REACHED
-    most = config.timeout_factor * mission.steps
-    late = step.index - course.since - min(held, most) >= most
+    most = config.timeout_factor * flight.request.steps
+    late = step.index - goal.since - min(held, most) >= most
     return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
+
+
+def _correct_at_rest(step: NavigationStep, flight: FlightContext) -> Generator[FilterStep, None, NavigationStep]:
+    """Correct the first belief by a picture, where one is taken and tells enough."""
+    estimator = flight.stack.estimator
+    step = replace(step, apparent=flight.stack.map_error.beside(step.belief))
+    if not flight.config.look_first or not isinstance(estimator, Corrector) or not estimator.trust_dynamics:
+        return step
+    image = look(flight)
+    steps = estimator.correct(step.filter_belief, image, flight.generator)
+    done = yield from _run_filter(steps, replace(step, image=image), flight)
+    if done.filter_outcome is FilterOutcome.UPDATED:
+        return replace(done, belief=flight.stack.map_error.beside(done.filter_belief))
+    return replace(done, apparent=step.apparent)
+
+
+def _run_filter(
+    steps: FilterUpdate, step: NavigationStep, flight: FlightContext
+) -> Generator[FilterStep, None, NavigationStep]:
+    """Pass on the iterations of a filter, and return the time step with its result."""
+    update, ms = yield from measure_time(steps, flight.request.clock)
+    return replace(step, update=update, apparent=update.posterior, filter_ms=ms)
+
+
+def _run_planner(
+    steps: PlanSteps, flight: FlightContext
+) -> Generator[PlanStep, None, tuple[PlanResult, float]]:
+    """Pass on the iterations of the planner and its result; return the result and its time [ms]."""
+    planned, ms = yield from measure_time(steps, flight.request.clock)
+    yield planned
+    return planned, ms
+
+
+def _replan(
+    rest: Motion, here: RigidState, goal: ActiveGoal, steps: int, flight: FlightContext
+) -> Generator[PlanStep, None, tuple[PlanResult, float, ActiveGoal]]:
+    """Run the planner with the rest of a plan as warm start; return its result, its time [ms], and the goal."""
+    route = Route(here, goal.plan_end, steps, rest.dt, goal.keeps_headings)
+    planned, ms = yield from _run_planner(flight.stack.planner.replan(rest, route, executed=0), flight)
+    return planned, ms, replace(goal, keeps_headings=goal.keeps_headings and planned.restart is None)
+
+
+def _filter_plan(planned: PlanResult, now: NavigationStep, flight: FlightContext) -> NavigationStep:
+    """Safety filter: fly the fallback trajectory where it is safe and the plan is not."""
+    safety_filter, clock = flight.stack.safety_filter, flight.request.clock
+    if safety_filter is None:
+        return now
+    began = clock()
+    fallback = safety_filter.make_fallback(planned, flight.request.dt)
+    rejected = safety_filter.rejects(planned, fallback)
+    now = replace(now, fallback=fallback, replan_ms=now.replan_ms + 1e3 * (clock() - began))
+    return replace(now, plan=fallback.motion, recovery=SupervisorState.BACKUP) if rejected else now
+
+
+def _start_of_plan(last: Motion, believed: RigidState, flight: FlightContext) -> RigidState:
+    """Return the start of the next plan: the state that the last one has led to by now, or the believed state.
+
+    A robot that tracks plans is tilted by what it corrects. A plan from there would continue the correction: where
+    the robot is off by more than its leash, the plan is moved to it, with the tilt and the body rate that were planned.
+    """
+    before, led = last.states[0], last.states[1]
+    if flight.config.leash_m == 0:
+        return believed
+    if (led.position - believed.position).norm() < flight.config.leash_m:
+        return led
+    passing = 0.5 * (before.velocity + led.velocity)  # a plan's velocities are those between two of its times
+    turn = so3.from_yaw(so3.yaw_of(believed.rotation) - so3.yaw_of(led.rotation))
+    return RigidState(
+        believed.position, led.velocity + believed.velocity - passing, turn @ led.rotation, led.body_rate
+    )
+
+
+def _in_real_time(last: NavigationStep, now: NavigationStep, flight: FlightContext) -> Iterator[NavigationStep]:
+    """A time step, and in real time those that passed while it was computed."""
+    yield now
+    if flight.request.realtime:
+        yield from fly_missed_steps(last.plan.left_after(1), now, flight)
 
 
 def _is_finite(motion: Motion) -> bool:

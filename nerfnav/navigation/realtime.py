@@ -1,98 +1,78 @@
 """Deadlines: time steps that pass in the world while filter and planner still compute.
 
-A step whose filter and planner take longer than dt is late. Meanwhile the robot does what was planned before, without
-looking, and its belief is moved on without a picture; what it does is counted step by step. Then the late plan
-goes on from where it is by then.
+A step whose filter and planner take longer than dt is late. Meanwhile the robot flies the plan before, without
+pictures, and the dynamics alone move its belief; each of these time steps counts. Then the late plan goes on from
+the believed state.
 
-`measure_time` measures how long a generator's work takes, without what its consumer does between the steps.
+`measure_time` measures the work of a generator, without that of its consumer between the steps.
 """
-
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
 from time import perf_counter
 from typing import TypeVar
 
-import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from nerfnav.estimator import ConsiderCovariance, Estimator
-from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.navigation.supervisor import SupervisorConfig, come_to_rest
+from nerfnav.core.steps import run_steps
+from nerfnav.estimator import Belief
+from nerfnav.navigation.episode import NavigationStep
+from nerfnav.navigation.fallback import come_to_rest
+from nerfnav.navigation.flight import FlightContext
+from nerfnav.navigation.supervisor import SupervisorConfig
 from nerfnav.robots import Motion, RigidState, Robot
 
 Step = TypeVar("Step")
+Result = TypeVar("Result")
 
 
 def measure_time(
-    steps: Iterator[Step], clock: Callable[[], float] = perf_counter
-) -> Generator[Step, None, tuple[Step, float]]:
-    """Pass all steps on; returns the last one and the time that the work took [ms] by a clock [s]."""
-    spent, last = 0.0, None
+    steps: Generator[Step, None, Result], clock: Callable[[], float] = perf_counter
+) -> Generator[Step, None, tuple[Result, float]]:
+    """Pass all steps on; return the result, and the time of the work [ms] by a clock [s]."""
+    spent = 0.0
     while True:
         began = clock()
-        step = next(steps, None)
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value, 1e3 * (spent + clock() - began)
         spent += clock() - began
-        if step is None:
-            break
-        last = step
         yield step
-    assert last is not None, "lasting work yields at least one step"
-    return last, 1e3 * spent
 
 
-Clock = Callable[[], float]
-"""Seconds since any time."""
+def fly_missed_steps(before: Motion, late: NavigationStep, flight: FlightContext) -> Iterator[NavigationStep]:
+    """Fly the time steps that began while a `late` one was computed; the last one has its plan.
+
+    `before` is the plan that was flown when the picture of the late step was taken, from that time on.
+    """
+    belief, simulator, dt = late.filter_belief, flight.simulator, late.plan.dt
+    count = count_missed(late.filter_ms + late.replan_ms, dt)
+    for ahead in range(1, count + 1):
+        flown = advance_plan(before, ahead - 1, belief.mean, simulator.robot)
+        touched = simulator.follow(flown, believed=belief.mean)
+        belief = _predict(belief, flown.actions[0], dt, flight)
+        plan = late.plan if ahead == count else before
+        yield NavigationStep(
+            late.index + ahead, (late.index + ahead) * dt, flown.actions[0], simulator.state,
+            flight.stack.map_error.beside(belief), None, None, advance_plan(plan, ahead, belief.mean, simulator.robot),
+            touched, 0.0, 0.0, recovery=late.recovery, late=True, apparent=belief,
+        )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Overrun:
-    """A step that was late, in the world that did not wait for it."""
-
-    step: NavigationStep
-    """What took so long."""
-    before: Motion
-    """The plan that was being flown when its picture was taken, from that time on."""
-    simulator: Simulator
-    """The world."""
-    estimator: Estimator
-    """Moves the belief on, without pictures."""
-    generator: torch.Generator
-    """Its draws."""
-    lasting: ConsiderCovariance
-    """What is told of its beliefs besides."""
-
-    @property
-    def missed(self) -> int:
-        """Time steps that began meanwhile."""
-        return missed(self.step.filter_ms + self.step.replan_ms, self.step.plan.dt)
-
-    def steps(self) -> Iterator[NavigationStep]:
-        """The time steps that were missed, in each of which the robot flies blind; the last one has the late plan."""
-        belief, robot, dt = self.step.followed, self.simulator.robot, self.step.plan.dt
-        for late in range(1, self.missed + 1):
-            flown = advance_plan(self.before, late - 1, belief.mean, robot)
-            touched = self.simulator.follow(flown, believed=belief.mean)
-            *_, blind = self.estimator.update(belief, None, flown.actions[0], dt, self.generator)
-            assert blind.posterior is not None, "the last step of an estimator has the posterior"
-            belief = blind.posterior
-            made = self.step.plan if late == self.missed else self.before
-            index = self.step.index + late
-            yield NavigationStep(
-                index, index * dt, flown.actions[0], self.simulator.state, self.lasting.beside(belief), None, None,
-                advance_plan(made, late, belief.mean, robot), touched, 0.0, 0.0, recovery=self.step.recovery, late=True,
-                apparent=belief,
-            )  # fmt: skip
+def _predict(belief: Belief, action: Float[Tensor, " a"], dt: float, flight: FlightContext) -> Belief:
+    """Update a belief without a picture."""
+    return run_steps(flight.stack.estimator.update(belief, None, action, dt, flight.generator)).posterior
 
 
-def missed(spent_ms: float, dt: float) -> int:
-    """Time steps of `dt` [s] that begin within a time [ms], the first one, which it is meant for, left out."""
+def count_missed(spent_ms: float, dt: float) -> int:
+    """Count the time steps of `dt` [s] that begin within a time [ms], without the first one, for which it is."""
     return max(0, math.ceil(spent_ms / (1e3 * dt) - 1e-9) - 1)
 
 
 def advance_plan(plan: Motion, steps: int, believed: RigidState, robot: Robot) -> Motion:
-    """What is left of a plan some time steps later; where nothing is, the robot comes to rest."""
+    """Return the rest of a plan some time steps later; where nothing is left, the robot comes to rest."""
     if steps < len(plan.actions):
         return plan.left_after(steps)
     return come_to_rest(robot, believed, SupervisorConfig.rest, plan.dt)

@@ -1,11 +1,8 @@
-"""Simulated robot: the true state, moved by the dynamics plus noise, and seen through a camera.
+"""Simulated robot: the true state, moved by the dynamics plus noise, with a camera.
 
-The simulator knows neither field nor mesh: its camera and its sense of touch are callables, so that a mesh, a field
-or real hardware may stand behind them.
-
-A kidnapped robot is put down at a random pose where its body fits (`sample_kidnap_pose`).
+The simulator knows neither field nor mesh: camera and contact are callables, so that a mesh, a field or real hardware
+may stand behind them. A kidnapped robot is moved to a random pose where its body fits (`sample_kidnap_pose`).
 """
-
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -18,39 +15,39 @@ from nerfnav.geometry import FORWARD_MOUNT, Box, Pose, so3
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
-"""The picture that is taken at T_world_camera."""
+"""Picture from T_world_camera."""
 ContactFunction = Callable[[RigidState, RigidState], bool]
-"""Whether the body touches anything between two states."""
+"""Contact check: whether the body touches anything between two states."""
 _WORLD = 2**32
-"""Added to the seed of a flight for the world's own draws: no seed that a flight is given is as large."""
+"""Added to the seed of a flight for the draws of the world: seeds of flights are smaller."""
 
 
 def world_generator(seed: int) -> torch.Generator:
-    """Draws of the world in a flight of that seed: the same ones, whatever filter and loop draw meanwhile."""
+    """Return the generator of the world in a flight of that seed, apart from that of filter and loop."""
     return torch.Generator().manual_seed(_WORLD + seed)
 
 
 @dataclass
 class Simulator:
-    """Where the robot truly is; `act` moves it."""
+    """True state of the robot; `act` moves it."""
 
     robot: Robot
-    """What moves."""
+    """Its dynamics."""
     state: RigidState
     """The truth, which estimator and planner never see."""
     camera: CameraFunction
-    """Takes the pictures."""
+    """Its camera."""
     generator: torch.Generator
-    """Decides the noise."""
+    """Draws the noise."""
     mount: Pose = field(default_factory=lambda: FORWARD_MOUNT)
     """T_body_camera."""
     noise: StateNoise | None = field(default_factory=StateNoise)
-    """Disturbs the state after every step (paper: 2 cm, 0.02 rad, half on the rates); None: a perfect world."""
+    """Noise of the state after every step (paper: 2 cm, 0.02 rad, half on the rates); None: no noise."""
     contact: ContactFunction | None = None
-    """Says whether the body touched anything on its way; None where there is no ground truth."""
+    """Contact check of the body's path; None without ground truth."""
 
     def act(self, action: Float[Tensor, " a"], dt: float, gust: StateNoise | None = None) -> bool:
-        """Apply an action for `dt` [s], and a gust where there is one; tells whether the body touched anything."""
+        """Apply an action for `dt` [s], and a gust; return whether the body touched anything."""
         before = self.state
         self.state = self.robot.step(before, action, dt)
         for disturbance in (self.noise, gust):
@@ -60,33 +57,33 @@ class Simulator:
         return self.contact is not None and self.contact(before, self.state)
 
     def follow(self, plan: Motion, gust: StateNoise | None = None, believed: RigidState | None = None) -> bool:
-        """Do the first step of a plan, otherwise as `act`; `believed` is where the robot believes to be, by default
-        where the plan begins."""
+        """Apply the first action of a plan, as `act` does; `believed` is the believed state, by default the start of
+        the plan."""
         return self.act(plan.actions[0], plan.dt, gust)
 
-    def carry(self, pose: Pose) -> None:
-        """Put the robot at T_world_body; it goes on moving as it did, in its own axes."""
+    def kidnap(self, pose: Pose) -> None:
+        """Move the robot to T_world_body; its velocity stays the same in its own axes."""
         self.state = self.robot.settled(self.state.moved_to(pose), self.state)
 
     def look(self) -> UInt8[Tensor, "height width 3"] | None:
-        """The picture that the robot's camera gives now; None where it gives none."""
+        """Take the picture of the robot's camera; None where none arrives."""
         return self.camera(self.state.pose.compose(self.mount))
 
 
 @dataclass(frozen=True)
 class KidnapConfig:
-    """How far a robot is carried."""
+    """Range of the pose to which a robot is kidnapped."""
 
     nearest: float = 0.5
     """Least distance [m]."""
     farthest: float = 1.0
     """Largest level distance [m]; farther only where the body fits nowhere nearer."""
     rise: float = 0.1
-    """Most that it is carried up or down [m]."""
+    """Largest change of its height [m]."""
     turn: float = 0.5
-    """Most that its heading is turned [rad]."""
+    """Largest change of its heading [rad]."""
     tries: int = 500
-    """Places that are tried near, and as many anywhere."""
+    """Positions that are tried near, and as many anywhere."""
 
 
 def sample_kidnap_pose(
@@ -96,20 +93,20 @@ def sample_kidnap_pose(
     generator: torch.Generator,
     config: KidnapConfig | None = None,
 ) -> Pose | None:
-    """T_world_body of a random place in `box` where the body fits, tilted as it is; None where no try finds one.
+    """Sample a random T_world_body in `box` where the body fits, tilted as it is; None where no try finds one.
 
-    `fits` is asked about places at any height: for a robot on the ground it has to settle them first.
+    `fits` checks positions at any height: for a robot on the ground it has to settle them first.
     """
     config = KidnapConfig() if config is None else config
-    for place in _places(state, box, generator, config):
+    for position in _positions(state, box, generator, config):
         turn = so3.from_yaw(config.turn * _between(-1, 1, generator)).to(state.rotation)
-        there = state.moved_to(Pose(turn @ state.rotation, place))
-        if box.contains(place) and (place - state.position).norm() >= config.nearest and fits(there):
+        there = state.moved_to(Pose(turn @ state.rotation, position))
+        if box.contains(position) and (position - state.position).norm() >= config.nearest and fits(there):
             return there.pose
     return None
 
 
-def _places(
+def _positions(
     state: RigidState, box: Box, generator: torch.Generator, config: KidnapConfig
 ) -> Iterator[torch.Tensor]:
     for _ in range(config.tries):

@@ -1,41 +1,42 @@
-"""Supervisor: widen the belief, then relocalize, when pictures disagree with it.
+"""Supervisor: a state machine that holds, widens the belief or relocalizes a robot whose pictures disagree with it.
 
-A filter that rejects a picture (its innovation or its residual fails the test) hands the prediction back. The belief
-is then widened, so that the next picture may move it further; when several pictures in a row were rejected, a
-relocaliser searches the whole field, and the belief begins anew where it finds the robot; until then, pictures say
-nothing to the filter. Meanwhile the robot holds: it comes to rest by what it believes of its velocity, which it knows
-better than its place.
+A filter that rejects a picture (its innovation or its residual fails the test) returns the prediction. The supervisor
+then widens the belief, so that the next picture may move it further. After several rejections in a row it runs global
+localization, and the belief restarts where that finds the robot; until then the filter ignores pictures. In all states
+that hold, the robot comes to rest by its believed velocity, which it knows better than its position.
+
+TRANSITIONS is the whole machine: after each picture the first row that applies gives the next state. Two states come
+from elsewhere: the safety filter enters BACKUP where it rejects a plan (fallback.py), and a flight begins BLIND where
+its field shows the camera nothing (looking.py). `SupervisorMemory.after` counts what the conditions of the rows need.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import require_not_negative, require_positive
-from nerfnav.estimator import Belief, FilterOutcome, RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator import Belief, FilterOutcome, Relocalisation, RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry import FORWARD_MOUNT, Pose
+from nerfnav.planner import estimate_timing
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
-
-LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
-"""Outcomes of updates that learned little, or nothing."""
 
 
 @runtime_checkable
 class Relocaliser(Protocol):
-    """Anything that finds a camera from one picture alone."""
+    """Global localization from one picture."""
 
-    def relocalise(self, image: UInt8[Tensor, "height width 3"]) -> Iterator[RelocaliseStep]:
-        """Search; the last step has the outcome."""
+    def relocalise(self, image: UInt8[Tensor, "height width 3"]) -> Relocalisation:
+        """Search the whole field."""
         ...
 
 
 class SupervisorState(Enum):
-    """What was done about a picture that disagreed; the value is what a user reads."""
+    """State of the supervisor after a time step, None while nothing is wrong; the value is what a user reads."""
 
     WIDENED = "the picture disagreed: the belief was widened, and the robot holds"
     BLIND = "the picture says too little for where the robot may be: it holds and looks around"
@@ -47,142 +48,203 @@ class SupervisorState(Enum):
 
     @property
     def holds(self) -> bool:
-        """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
+        """Check whether the robot comes to rest and waits, for lack of a position or of a safe plan."""
         return self.doubts or self is SupervisorState.BACKUP
 
     @property
     def doubts(self) -> bool:
-        """Whether it does not know where it is."""
-        return self in (
-            SupervisorState.WIDENED,
-            SupervisorState.BLIND,
-            SupervisorState.ADRIFT,
-            SupervisorState.SEARCHED,
-        )
+        """Check whether the robot holds because it does not know its position."""
+        return self.turns or self is SupervisorState.WIDENED
 
     @property
     def turns(self) -> bool:
-        """Whether it looks somewhere else meanwhile, for what it sees does not help."""
+        """Check whether the robot turns while it holds, because its present view does not help."""
         return self in (SupervisorState.BLIND, SupervisorState.ADRIFT, SupervisorState.SEARCHED)
 
 
 @dataclass(frozen=True)
 class SupervisorConfig:
-    """When to doubt and when to search."""
+    """Thresholds of the supervisor: when to hold, and when to search."""
 
     patience: int = 3
     """Pictures in a row that may disagree before the robot counts as lost."""
     searches: int = 9
-    """Times that a lost robot is looked for everywhere before it is given up: once around."""
+    """Searches for a lost robot before the flight is given up: once around."""
     between: int = 3
     """Pictures from one search to the next, in which the robot turns: neighbours look alike."""
     widest: float = 0.04
-    """Standard deviation of a coordinate of the position from which a robot that sees little is BLIND [m]: what plans
-    keep clear of (planner/risk/tracking_error.py), and half of what may be missing to a goal. In the paper's noise that
-    is after three pictures that show nothing."""
+    """Standard deviation of a coordinate of the position from which a robot that sees little is BLIND [m]: the
+    clearance of plans (planner/risk/tracking_error.py), and half of the distance to a goal that counts as reached. In
+    the paper's noise it takes three pictures that show nothing."""
     sure: float = 0.03
-    """The same for a robot in doubt, which is BLIND whenever it sees nothing: above this, a picture that agrees with
-    its belief tells too little to end the doubt [m]. The sky agrees with any."""
+    """The same for a robot that holds because of its position, which is BLIND whenever it sees nothing: above this, a
+    picture that agrees with its belief is too weak to end the state [m]. The sky agrees with any belief."""
     adrift: float = 0.12
-    """Standard deviation of a coordinate of the position from which a BLIND robot is looked for everywhere, as a lost
-    one is [m]: three times `widest`, which is a standard deviation of its own already. It does not come to rest while
-    it drifts, for it tilts, and knows its tilt no better than its place."""
+    """Standard deviation of a coordinate of the position from which a BLIND robot is searched for, as a lost one is
+    [m]: three times `widest`, which is a standard deviation of its own already. A robot does not come to rest while it
+    drifts, for it tilts, and knows its tilt no better than its position."""
     rest: int = 6
-    """Steps that a robot which holds looks ahead."""
+    """Steps of the plan of a robot that holds."""
     turn: float = 2.5
-    """With which it looks all around [rad/s]."""
+    """Yaw rate at which it looks all around [rad/s]."""
     glance: float = 6.0
-    """With which it turns at most to where it should see something [rad/s]: half of the body rate that the paper's
-    robot may have."""
+    """Largest yaw rate at which it turns to a heading in which it should see something [rad/s]: half of the body rate
+    limit of the paper's robot."""
     widen: float = 1.7
     """Factor on all standard deviations of the belief for each picture that disagrees."""
     found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
-    """Spread of the belief after the robot was found: its pose is known well, its velocities hardly, for it was flown
-    on a wrong belief; a tenth of this on the rates, and the next pictures are rejected again."""
+    """Standard deviations of the belief after the robot was found: its pose is known well, its velocities hardly, for
+    it was flown on a wrong belief. With a tenth of this on the rates, the next pictures are rejected again."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError for rates to turn with, or a spread to search from, that are none."""
+        """Raise InvalidInputError for negative rates or standard deviations."""
         require_not_negative(turn=self.turn, adrift=self.adrift)
         require_positive(glance=self.glance)
 
 
 @dataclass(frozen=True)
+class SupervisorMemory:
+    """Counts of time steps since the last plan that was made to lead to the goal."""
+
+    plan: Motion
+    """That plan."""
+    planned_at: int = 0
+    """Index of its time step."""
+    held: int = 0
+    """Time steps since, in which the robot held."""
+    unsure: int = 0
+    """Of these, those in which it did not know its position."""
+    disagreed: int = 0
+    """Pictures since that disagreed."""
+    adrift: int = 0
+    """Pictures since that were too weak for a robot whose position is that uncertain."""
+
+    def after(self, index: int, plan: Motion, state: SupervisorState | None, late: bool = False) -> "SupervisorMemory":
+        """Count one more time step; a `late` one had no picture."""
+        if state is None or not state.holds:
+            return SupervisorMemory(plan, index)
+        disagreed = state in (SupervisorState.WIDENED, SupervisorState.SEARCHED) and not late
+        return replace(
+            self, held=self.held + 1, unsure=self.unsure + state.doubts, disagreed=self.disagreed + disagreed,
+            adrift=self.adrift + (state is SupervisorState.ADRIFT and not late),
+        )  # fmt: skip
+
+    def steps_left(self, believed: RigidState, robot: Robot) -> int:
+        """Count the time steps to the end of the plan; for a robot that has stopped, as many as from rest."""
+        left, dt = len(self.plan.actions) - 1, self.plan.dt
+        if self.held == 0:
+            return left
+        corners = torch.cat([believed.position[None], self.plan.states.position[1:]])
+        length = corners.diff(dim=0).norm(dim=-1).sum().item()
+        return max(left, estimate_timing(robot, length, dt, dt).steps)
+
+
+class Situation(NamedTuple):
+    """Conditions of TRANSITIONS after a picture."""
+
+    disagrees: bool  # the picture does, or so many did before that only a search ends the state
+    is_patient: bool  # more pictures may disagree before the robot counts as lost
+    is_between_searches: bool  # a lost robot only turns in this picture
+    is_last_search: bool  # a lost robot is given up unless this search finds it
+    search_requested: bool  # by the operator
+    is_uncertain: bool  # the belief is too wide to fly on
+    is_adrift: bool  # so wide that it is worth a search, with a picture that shows something
+    is_search_due: bool  # a robot adrift is searched for in every few pictures, once around
+
+
+class Transition(NamedTuple):
+    """Row of TRANSITIONS: a condition, given that none of the rows above applies, and the state that follows."""
+
+    applies: Callable[[Situation], bool]
+    state: SupervisorState | None
+    searches: bool = False
+    """Whether global localization runs first: RELOCALISED where it finds the robot; else `state`, or where that is
+    None, the rows below."""
+
+
+TRANSITIONS = (
+    Transition(lambda now: now.disagrees and now.is_patient, SupervisorState.WIDENED),
+    Transition(lambda now: now.disagrees and now.is_between_searches, SupervisorState.SEARCHED),
+    Transition(lambda now: now.disagrees and now.is_last_search, SupervisorState.LOST, searches=True),
+    Transition(lambda now: now.disagrees, SupervisorState.SEARCHED, searches=True),
+    Transition(lambda now: now.search_requested, None, searches=True),
+    Transition(lambda now: not now.is_uncertain, None),
+    Transition(lambda now: not now.is_adrift, SupervisorState.BLIND),
+    Transition(lambda now: now.is_search_due, SupervisorState.ADRIFT, searches=True),
+    Transition(lambda now: True, SupervisorState.ADRIFT),
+)
+"""All transitions after a picture, in order of precedence."""
+
+
+@dataclass(frozen=True)
 class Supervisor:
-    """What looks for a robot that is lost."""
+    """Runs TRANSITIONS, with the relocaliser that its searches use."""
 
     relocaliser: Relocaliser | None
-    """Searches; None: lost is lost."""
+    """Global localization; None: a lost robot stays lost."""
     config: SupervisorConfig = field(default_factory=SupervisorConfig)
-    """When."""
+    """Thresholds."""
     mount: Pose = field(default_factory=lambda: FORWARD_MOUNT)
     """T_body_camera."""
 
-    def recover(
-        self, belief: Belief, image: Tensor | None, lost: int, at_once: bool = False
-    ) -> Generator[RelocaliseStep, None, tuple[Belief, SupervisorState]]:
-        """The belief to go on with after `lost` pictures in a row disagreed, and what was done.
+    def supervise(
+        self, belief: Belief, outcome: FilterOutcome | None, image: Tensor | None, memory: SupervisorMemory,
+        search_requested: bool = False,
+    ) -> Generator[RelocaliseStep | RelocaliseResult, None, tuple[Belief, SupervisorState | None]]:  # fmt: skip
+        """Return the belief to go on with after an update of the filter, and the state; yield the steps of searches."""
+        now, state = self._assess(belief, outcome, image is not None, memory, search_requested), None
+        for applies, state, searches in TRANSITIONS:
+            if not applies(now):
+                continue
+            found = (yield from self.search(belief, image)) if searches else None
+            if found is not None:
+                return found, SupervisorState.RELOCALISED
+            if state is not None or not searches:
+                break
+        if state is SupervisorState.WIDENED:
+            belief = replace(belief, covariance=belief.covariance * self.config.widen**2)
+        return belief, state
 
-        Yields the steps of a search, if it is time for one, or one is wanted at once.
-        """
-        config = self.config
-        if not self.is_lost(lost) and not at_once:
-            return replace(belief, covariance=belief.covariance * config.widen**2), SupervisorState.WIDENED
-        searched, since = divmod(lost - config.patience, config.between)
-        if since and not at_once:
-            return belief, SupervisorState.SEARCHED
-        found = yield from self.search(belief, image)
-        if found is not None:
-            return found, SupervisorState.RELOCALISED
-        last = self.relocaliser is None or searched + 1 >= config.searches
-        return belief, SupervisorState.LOST if last else SupervisorState.SEARCHED
+    def _assess(
+        self, belief: Belief, outcome: FilterOutcome | None, has_image: bool, memory: SupervisorMemory, requested: bool
+    ) -> Situation:
+        """Assess the situation; a robot that holds because of its position must be surer, and see something."""
+        config, deviation = self.config, belief.position_std
+        sees_nothing = outcome is FilterOutcome.PREDICTED_ONLY  # black and plain pictures look alike everywhere
+        if memory.unsure > 0:
+            uncertain = sees_nothing or deviation > config.sure
+        else:
+            uncertain = sees_little(outcome) and deviation > config.widest
+        overdue = memory.disagreed + 1 - config.patience  # pictures since the robot counts as lost
+        searched, since = divmod(memory.adrift, config.between)
+        return Situation(
+            disagrees=outcome is FilterOutcome.DIVERGED or self.is_lost(memory),
+            is_patient=overdue < 0 and not requested,
+            is_between_searches=overdue % config.between > 0 and not requested,
+            is_last_search=self.relocaliser is None or overdue // config.between + 1 >= config.searches,
+            search_requested=requested,
+            is_uncertain=uncertain,
+            is_adrift=self.relocaliser is not None and has_image and not sees_nothing and deviation > config.adrift,
+            is_search_due=since == 0 and searched < config.searches,
+        )
 
-    def is_lost(self, disagreed: int) -> bool:
-        """Whether so many pictures have disagreed that only a search can end the doubt."""
-        return disagreed >= self.config.patience
+    def is_lost(self, memory: SupervisorMemory) -> bool:
+        """Check whether so many pictures have disagreed that only a search ends the state."""
+        return memory.disagreed >= self.config.patience
 
-    def is_blind(self, belief: Belief, outcome: FilterOutcome | None, doubts: bool) -> bool:
-        """Whether a robot whose picture did not disagree had better look around all the same."""
-        if doubts:
-            return outcome is FilterOutcome.PREDICTED_ONLY or belief.spread > self.config.sure
-        return outcome in LITTLE and belief.spread > self.config.widest
-
-    def look_around(
-        self, belief: Belief, image: Tensor | None, adrift: int
-    ) -> Generator[RelocaliseStep, None, tuple[Belief, SupervisorState]]:
-        """What is done for a BLIND robot: the belief to go on with, and the name of it.
-
-        `adrift` pictures before have left it as wide as `SupervisorConfig.adrift`, those not counted that showed
-        nothing (None). It is searched for in every few of them, once around; pictures are believed meanwhile, for none
-        of them disagreed.
-        """
-        config = self.config
-        if self.relocaliser is None or image is None or belief.spread <= config.adrift:
-            return belief, SupervisorState.BLIND
-        searched, since = divmod(adrift, config.between)
-        found = None if since or searched >= config.searches else (yield from self.search(belief, image))
-        return (belief, SupervisorState.ADRIFT) if found is None else (found, SupervisorState.RELOCALISED)
-
-    def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
-        """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no
-        picture came."""
+    def search(
+        self, belief: Belief, image: Tensor | None
+    ) -> Generator[RelocaliseStep | RelocaliseResult, None, Belief | None]:
+        """Run global localization; return the new belief, or None without a picture or a unique place."""
         if self.relocaliser is None or image is None:
             return None
-        step = None
-        for step in self.relocaliser.relocalise(image):
-            yield step
-        assert step is not None, "a search yields at least one step"
-        if step.outcome is not RelocaliseOutcome.FOUND:
+        found = yield from self.relocaliser.relocalise(image)
+        yield found
+        if found.outcome is not RelocaliseOutcome.FOUND:
             return None
-        return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
+        return Belief(belief.mean.moved_to(found.step.body_poses(self.mount)[0]), self.config.found.covariance())
 
 
-def come_to_rest(
-    robot: Robot, start: RigidState, steps: int, dt: float, turn: Callable[[RigidState], float] | None = None
-) -> Motion:
-    """What a robot does in `steps` steps of `dt` [s] that holds: brake, then stay, and turn with `turn` [rad/s] of its
-    state."""
-    states, actions = [start], []
-    for _ in range(steps):
-        actions.append(robot.hold(states[-1], dt, 0.0 if turn is None else turn(states[-1])))
-        states.append(robot.step(states[-1], actions[-1], dt))
-    return Motion(RigidState.stack(states), torch.stack(actions), dt)
+def sees_little(outcome: FilterOutcome | None) -> bool:
+    """Check whether the filter learned little from a picture, or nothing."""
+    return outcome in (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)

@@ -29,8 +29,6 @@ from .risk.collision_map import CollisionMap as CollisionMap
 from .risk.costs import CostWeights as CostWeights
 from .risk.costs import collision_per_step as collision_per_step
 from .risk.costs import collision_probability_bound as collision_probability_bound
-from .risk.tracking_error import PAPER_NOISE as PAPER_NOISE
-from .risk.tracking_error import NoiseModel as NoiseModel
 from .risk.tracking_error import RiskContext as RiskContext
 from .solvers.adam import PlanConfig as PlanConfig
 from .solvers.adam import plan as plan
@@ -53,8 +51,9 @@ from .space.scales import threshold_of as threshold_of
 from .steps import FLYABLE as FLYABLE
 from .steps import PlanCost as PlanCost
 from .steps import PlanOutcome as PlanOutcome
+from .steps import PlanResult as PlanResult
 from .steps import PlanStep as PlanStep
-from .steps import last_step as last_step
+from .steps import PlanSteps as PlanSteps
 from .terms.term import CostTerm as CostTerm
 from .terms.term import TermContext as TermContext
 from .trajectory import Route as Route

@@ -17,12 +17,12 @@ class PiecewisePolynomial:
     """Polynomials on neighbouring spans of time."""
 
     times: Float[Tensor, " knots"]
-    """Where the segments begin and end [s], rising."""
+    """Times at which the segments begin and end [s], rising."""
     coefficients: Float[Tensor, "segments terms axes"]
     """c_{i,k} for each axis, float64."""
 
     def __call__(self, time: Float[Tensor, " n"], order: int = 0) -> Float[Tensor, "n axes"]:
-        """The derivative of that order at times [s]; beyond the ends the first and last polynomial go on."""
+        """Evaluate the derivative of that order at times [s]; beyond the ends the first and last polynomial go on."""
         time = time.double()
         segment = (torch.searchsorted(self.times, time, right=True) - 1).clamp(0, len(self.coefficients) - 1)
         spans = self.times.diff()[segment]
@@ -31,7 +31,7 @@ class PiecewisePolynomial:
 
 
 def uniform_cubic(points: Float[Tensor, "n axes"], step: float) -> PiecewisePolynomial:
-    """The uniform cubic B-spline with at least four control points (float64), `step` [s] apart.
+    """Make the uniform cubic B-spline with at least four control points (float64), `step` [s] apart.
 
     Its time 0 is that of the second one, and it ends at that of the last but one; at control point k between them it is
 
@@ -44,7 +44,7 @@ def uniform_cubic(points: Float[Tensor, "n axes"], step: float) -> PiecewisePoly
 
 
 def derivative_rows(u: Float[Tensor, " n"], order: int, terms: int) -> Float[Tensor, "n {terms}"]:
-    """What each coefficient adds to the derivative d^order / du^order at u."""
+    """Compute the share of each coefficient in the derivative d^order / du^order at u."""
     power = torch.arange(terms, dtype=torch.float64)
     factor = torch.ones(terms, dtype=torch.float64)
     for step in range(order):
@@ -53,7 +53,7 @@ def derivative_rows(u: Float[Tensor, " n"], order: int, terms: int) -> Float[Ten
 
 
 def squared_derivative(order: int, terms: int) -> Float[Tensor, "{terms} {terms}"]:
-    """The matrix Q with c' Q c = integral over u of (d^order p / du^order)^2."""
+    """Compute the matrix Q with c' Q c = integral over u of (d^order p / du^order)^2."""
     power = torch.arange(terms, dtype=torch.float64)
     factor = derivative_rows(torch.ones(1), order, terms)[0]
     exponent = (power[:, None] + power - 2 * order + 1).clamp_min(1)

@@ -1,7 +1,7 @@
-"""Planning steps: a frozen record of every iteration of a planner, the last of which carries the outcome."""
+"""Planning steps: a record of each iteration of a planner, and the result that it returns."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass, field, fields
 from enum import Enum
 
 from nerfnav.planner.trajectory import Trajectory
@@ -9,7 +9,7 @@ from nerfnav.robots import Motion
 
 
 class PlanOutcome(Enum):
-    """How planning ended; the value is advice for the user."""
+    """Outcome of planning; the value is advice for the user."""
 
     CONVERGED = "the cost has settled"
     ITERATION_LIMIT = "the cost was still falling: allow more iterations"
@@ -31,20 +31,20 @@ FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
 
 
 class Restart(Enum):
-    """Why a plan was not carried on but made anew from where the robot is; the value is what a user reads."""
+    """Reason why a plan was made anew from the robot's state instead of from the last plan; the value is for users."""
 
     GOAL_MOVED = "the goal is not where the last plan ends"
-    COST_ROSE = "what is left of the last plan has become much dearer"
+    COST_ROSE = "what is left of the last plan has become much more costly"
     IN_COLLISION = "what is left of the last plan leads through something dense"
     UNUSABLE = "what is left of the last plan cannot be flown"
 
 
 @dataclass(frozen=True)
 class TermCost:
-    """What one term of J comes to, weight included."""
+    """Value of one term of J, weight included."""
 
     name: str
-    """The term's."""
+    """Name of the term."""
     value: float
     """Weight times value."""
     ms: float = field(compare=False)
@@ -53,12 +53,12 @@ class TermCost:
 
 
 COST_FIELDS = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3}
-"""Terms of this project, and which number of a PlanCost has them."""
+"""Terms of this project, each with the index of the number of a PlanCost that has it."""
 
 
 @dataclass(frozen=True)
 class PlanCost:
-    """The terms of J (paper Eq. 2), summed over the trajectory, weights included."""
+    """Terms of J (paper Eq. 2), summed over the trajectory, weights included."""
 
     collision: float
     """Sum of density times distance travelled, over body points and steps [1]."""
@@ -67,13 +67,13 @@ class PlanCost:
     limits: float
     """Penalties that keep the motion well defined, such as the thrust floor, and inside the box."""
     risk: float = 0.0
-    """What is expected to be lost by what disturbs the robot, see terms/risk.py; 0 in the paper."""
+    """Expected loss by collisions due to noise, see terms/risk.py; 0 in the paper."""
     added: tuple[TermCost, ...] = ()
-    """What was added to these, term by term."""
+    """Terms that were added to these."""
 
     @classmethod
     def of(cls, terms: Iterable[TermCost]) -> "PlanCost":
-        """The report of evaluated terms."""
+        """Collect evaluated terms by their names."""
         own, added = [0.0] * 4, []
         for term in terms:
             if term.name in COST_FIELDS:
@@ -84,7 +84,7 @@ class PlanCost:
 
     @property
     def total(self) -> float:
-        """J."""
+        """Sum of all terms: J."""
         return self.collision + self.control + self.limits + self.risk + sum(term.value for term in self.added)
 
 
@@ -95,22 +95,32 @@ class PlanStep:
     iteration: int
     """Counted from 0."""
     trajectory: Trajectory
-    """The trajectory after this iteration."""
+    """Trajectory after this iteration."""
     motion: Motion
-    """What the robot would do."""
+    """States and actions of the robot along it."""
     cost: PlanCost
     """J of this trajectory."""
-    outcome: PlanOutcome | None = None
-    """None while planning goes on; set on the last step."""
     start_index: int = 0
-    """Which of several first guesses this trajectory comes from."""
+    """Index of the first guess from which this trajectory comes."""
     restart: Restart | None = None
-    """Why the plan was made anew; None where it is a first plan or carries the last one on."""
+    """Reason why the plan was made anew; None for a first plan, and for one that continues the last one."""
+
+    def end(self, outcome: PlanOutcome) -> "PlanResult":
+        """Make this step the result of planning."""
+        return PlanResult(**{part.name: getattr(self, part.name) for part in fields(PlanStep)}, outcome=outcome)
 
 
-def last_step(steps: Iterator[PlanStep]) -> PlanStep:
-    """Run a planner to its end."""
-    last = next(steps)
-    for step in steps:
-        last = step
-    return last
+@dataclass(frozen=True)
+class PlanResult(PlanStep):
+    """Result of planning: the best trajectory, its motion and cost, and the outcome."""
+
+    outcome: PlanOutcome = field(kw_only=True)
+    """End of planning: a plan can be flown if this is FLYABLE."""
+
+    def as_step(self) -> PlanStep:
+        """Drop the outcome, for a planner that goes on from here."""
+        return PlanStep(**{part.name: getattr(self, part.name) for part in fields(PlanStep)})
+
+
+PlanSteps = Generator[PlanStep, None, PlanResult]
+"""Planner at work: yields its iterations, and returns its result, which counts as the last iteration."""

@@ -1,6 +1,5 @@
 """Trajectory: the flat waypoints that a planner may choose, along a route with fixed ends and time steps."""
 
-
 from dataclasses import dataclass
 
 from jaxtyping import Float
@@ -12,7 +11,7 @@ from nerfnav.robots import Motion, RigidState, Robot
 
 @dataclass(frozen=True)
 class Route(TensorStruct):
-    """A boundary value problem in time: two states, and the steps between them."""
+    """Boundary value problem in time: two states, and the steps between them."""
 
     start: RigidState
     """Met exactly at time 0."""
@@ -23,17 +22,17 @@ class Route(TensorStruct):
     dt: float = 0.1
     """Length of a step [s]; 0.1 in the paper."""
     keeps_headings: bool = False
-    """Whether a plan that is carried on keeps the headings that it has (see active_yaw.py), and is not free to turn."""
+    """True if a plan that is continued keeps the headings that it has (see active_yaw.py)."""
 
 
 @dataclass(frozen=True)
 class Trajectory(TensorStruct):
-    """What the planner optimises; a robot turns it into motion."""
+    """Trajectory that a planner optimises: free numbers along a route, which a robot turns into motion."""
 
     free: Float[Tensor, " k"]
     """The robot's free numbers, see `Robot.motion`."""
     route: Route
-    """Its ends and its time steps."""
+    """Ends and time steps."""
 
     @property
     def start(self) -> RigidState:
@@ -46,14 +45,14 @@ class Trajectory(TensorStruct):
         return self.route.steps
 
     def motion(self, robot: Robot) -> Motion:
-        """The states and actions that this trajectory stands for."""
+        """Compute the states and actions of this trajectory."""
         return motion_of(robot, self.free, self.route)
 
     def with_free(self, free: Float[Tensor, " k"]) -> "Trajectory":
-        """The same ends with other free numbers."""
+        """Replace the free numbers between the same ends."""
         return Trajectory(free, self.route)
 
 
 def motion_of(robot: Robot, free: Float[Tensor, "*batch k"], route: Route) -> Motion:
-    """The motion along a route that free numbers stand for."""
+    """Compute the motion of free numbers along a route."""
     return robot.motion(free, route.start, route.goal, route.steps, route.dt)

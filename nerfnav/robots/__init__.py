@@ -1,5 +1,5 @@
-"""Robots: how flat outputs become motion, how actions move the state, and what the body is made of."""
+"""Robots: flatness maps from flat outputs to motion, dynamics, bodies, limits and noise."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -1,4 +1,4 @@
-"""Driving along arcs: where speeds and headings lead, and the nearest ones that lead to a given place.
+"""Driving along arcs: displacement by speeds and headings, and the nearest ones that lead to a given place.
 
 A step of dt at speed s, while the heading turns from psi to psi', moves a robot by
 
@@ -20,9 +20,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 TYPICAL_SPEED, TYPICAL_TURN = 0.5, 0.5
-"""How much a speed [m/s] and a heading [rad] may change before the motion is quite another one."""
+"""Changes of a speed [m/s] and a heading [rad] that change the motion much."""
 ROUNDS = 20
-"""At most so many steps to the goal; five or six are the rule."""
+"""Largest number of rounds; five or six are the rule."""
 ARRIVED = 1e-6
 """Distance to the goal [m] from which one more round leaves nothing but rounding."""
 EXACT = 1e-4
@@ -37,19 +37,19 @@ Path = Callable[[Tensor], tuple[Tensor, Tensor]]
 
 
 def unit(angle: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 2"]:
-    """e(angle)."""
+    """Return the unit vector e(angle)."""
     return torch.stack([torch.cos(angle), torch.sin(angle)], -1)
 
 
 def chord(turn: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    """S: the chord of an arc of unit length that turns by `turn` [rad]."""
+    """Compute S: the chord of an arc of unit length that turns by `turn` [rad]."""
     return torch.sinc(turn / (2 * math.pi))
 
 
 def displacements(
     speeds: Float[Tensor, "*batch n"], yaw: Float[Tensor, "*batch times"], dt: float
 ) -> Float[Tensor, "*batch n 2"]:
-    """q of each step [m]."""
+    """Compute q of each step [m]."""
     turn, middle = yaw.diff(dim=-1), 0.5 * (yaw[..., :-1] + yaw[..., 1:])
     return (speeds * dt * chord(turn))[..., None] * unit(middle)
 
@@ -57,7 +57,7 @@ def displacements(
 def closed(
     free: Float[Tensor, "*batch k"], path: Path, away: Float[Tensor, "2"], dt: float
 ) -> Float[Tensor, "*batch k"]:
-    """The free numbers, speeds 1 .. N-1 and headings 2 .. N-1, moved to the nearest ones that lead `away` [m]."""
+    """Move the free numbers, speeds 1 .. N-1 and headings 2 .. N-1, to the nearest ones that lead `away` [m]."""
     numbers = free
     for _ in range(ROUNDS):
         speeds, yaw = path(numbers)

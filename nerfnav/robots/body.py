@@ -3,7 +3,6 @@
 Solids are closed meshes, read, checked, and filled with points.
 """
 
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,7 +26,7 @@ _MOST_POINTS = 5000
 
 
 def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool) -> "trimesh.Trimesh":
-    """A closed mesh [m], or that of a file, or the convex hull of either, around the middle of its bounding box.
+    """Make a closed mesh [m] of a mesh, a file, or the convex hull of either, around the middle of its bounding box.
 
     Raises InvalidInputError for what is no such mesh, is absurdly large, or has too many points `spacing` [m] apart.
     """
@@ -71,7 +70,7 @@ def _checked(mesh: "trimesh.Trimesh", spacing: float) -> "trimesh.Trimesh":
 
 
 def fill_with_points(mesh: "trimesh.Trimesh", spacing: float) -> np.ndarray:
-    """Points (b, 3) on the surface and inside of a mesh around the origin, in a fixed order."""
+    """Fill a mesh around the origin with points (b, 3) on its surface and inside, in a fixed order."""
     import trimesh
 
     corners, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)[:2]
@@ -89,18 +88,18 @@ def fill_with_points(mesh: "trimesh.Trimesh", spacing: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Body:
-    """A solid around the body's origin, and points that fill it."""
+    """Body: a solid around its origin, and points that fill it."""
 
     extents: tuple[float, float, float]
     """Edge lengths along the body's x, y, z of the solid, or of the box around it [m]."""
     points_body: Float[Tensor, "b 3"]
-    """Points of the body at which density is asked for [m]."""
+    """Points of the body at which densities are taken [m]."""
     solid: "trimesh.Trimesh | None" = None
     """Its closed surface in the body's axes [m]; None: the whole box."""
 
     @classmethod
     def box(cls, extents: tuple[float, float, float], counts: tuple[int, int, int]) -> "Body":
-        """A box filled with a regular grid of counts[0] x counts[1] x counts[2] points, faces included."""
+        """Make a box filled with a regular grid of counts[0] x counts[1] x counts[2] points, faces included."""
         axes = [
             torch.linspace(-edge / 2, edge / 2, count) if count > 1 else torch.zeros(1)
             for edge, count in zip(extents, counts, strict=True)
@@ -109,7 +108,7 @@ class Body:
 
     @classmethod
     def from_mesh(cls, source: "trimesh.Trimesh | Path | str", spacing: float = 0.02, *, hull: bool = False) -> "Body":
-        """A body of any shape: a closed mesh [m], or a file of one, filled with points about `spacing` [m] apart.
+        """Make a body of any shape: a closed mesh [m], or a file of one, filled with points about `spacing` [m] apart.
 
         The middle of its bounding box becomes the body's origin; x is forward and z up. With `hull` the body is the
         mesh's convex hull, which any mesh has. Raises InvalidInputError for what is no such mesh, or absurdly large.
@@ -119,12 +118,12 @@ class Body:
         return cls((x, y, z), torch.from_numpy(fill_with_points(mesh, spacing)).float(), mesh)
 
     def points_at(self, states: RigidState) -> Float[Tensor, "*batch b 3"]:
-        """Where its points are in the world [m], at states of batch shape (*batch)."""
+        """Compute the places of its points in the world [m], at states of batch shape (*batch)."""
         points_body = self.points_body.to(states.position)
         return points_body @ states.rotation.transpose(-1, -2) + states.position[..., None, :]
 
     def grown(self, margin: float, *, upright: bool = True) -> "Body":
-        """The same body with every face of its box moved outwards by `margin` [m], all else spread accordingly.
+        """Grow the body: every face of its box moves outwards by `margin` [m], and all else in proportion.
 
         Without `upright` top and bottom stay where they are.
         """
@@ -136,5 +135,5 @@ class Body:
 
     @property
     def radius(self) -> float:
-        """Half of the box's diagonal [m]: the body fits into this ball in every attitude."""
+        """Return half of the box's diagonal [m]: the body fits into this ball in every attitude."""
         return 0.5 * sum(edge * edge for edge in self.extents) ** 0.5

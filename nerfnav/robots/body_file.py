@@ -1,4 +1,4 @@
-"""Shape of a robot, as its file describes it [m]. One of:
+"""Shape of a robot in its file [m]: box, cylinder, spheres, mesh or URDF. One of:
 
     box: [0.25, 0.25, 0.08]                       # edge lengths along x (forward), y, z (up)
     cylinder: {radius: 0.2, height: 0.1}          # upright
@@ -7,7 +7,7 @@
     urdf: robot.urdf                              # the convex hull of its collision geometry
 
 All but a box have their origin in the middle of their bounding box. `spacing` says how far apart the points are at
-which density is asked for; a box may say how many they are along each edge: `points: [6, 6, 3]`.
+which densities are taken; a box may give their number along each edge: `points: [6, 6, 3]`.
 """
 
 import math
@@ -29,14 +29,14 @@ _SIDES, _MANY = 32, 3000
 
 
 class Cylinder(msgspec.Struct, forbid_unknown_fields=True):
-    """An upright cylinder."""
+    """Upright cylinder around the body's origin."""
 
     radius: float
     height: float
 
 
 class BodyFile(msgspec.Struct, forbid_unknown_fields=True):
-    """What `body` may hold in a robot's file."""
+    """Entry `body` of a robot's file."""
 
     box: Vector | None = None
     cylinder: Cylinder | None = None
@@ -48,25 +48,25 @@ class BodyFile(msgspec.Struct, forbid_unknown_fields=True):
     hull: bool = False
 
 
-def body_of(told: BodyFile, folder: Path) -> tuple[Body, tuple[int, int, int]]:
+def body_of(entry: BodyFile, folder: Path) -> tuple[Body, tuple[int, int, int]]:
     """The body, and how many of its points lie along each edge of the box around it; meshes lie in `folder`.
 
     Raises InvalidInputError for a shape that is none.
     """
-    shapes = {name: getattr(told, name) for name in ("box", "cylinder", "spheres", "mesh", "urdf")}
+    shapes = {name: getattr(entry, name) for name in ("box", "cylinder", "spheres", "mesh", "urdf")}
     given = {name: shape for name, shape in shapes.items() if shape is not None}
     if len(given) != 1:
         raise InvalidInputError(f"a body is one of {', '.join(shapes)}, and this one has {len(given)} of them")
-    if told.box is not None:
-        _check_lengths("box", *told.box)
-        counts = told.points or _counts(told.box, told.spacing or spacing_for(told.box))
+    if entry.box is not None:
+        _check_lengths("box", *entry.box)
+        counts = entry.points or _counts(entry.box, entry.spacing or spacing_for(entry.box))
         if min(counts) < 1 or math.prod(counts) > 5000:
             raise InvalidInputError(f"the points of a body are at least 1 along an edge and at most 5000, not {counts}")
-        return Body.box(told.box, counts), counts
-    if told.points is not None:
+        return Body.box(entry.box, counts), counts
+    if entry.points is not None:
         raise InvalidInputError("points are counted along the edges of a box: give a spacing")
-    mesh, hull = _mesh_of(told, folder)
-    spacing = told.spacing or spacing_for(tuple(mesh.extents))
+    mesh, hull = _mesh_of(entry, folder)
+    spacing = entry.spacing or spacing_for(tuple(mesh.extents))
     body = Body.from_mesh(mesh, spacing, hull=hull)
     return body, _counts(body.extents, spacing)
 
@@ -86,18 +86,18 @@ def _counts(extents: Vector, spacing: float) -> tuple[int, int, int]:
     return x, y, z
 
 
-def _mesh_of(told: BodyFile, folder: Path) -> "tuple[trimesh.Trimesh, bool]":
+def _mesh_of(entry: BodyFile, folder: Path) -> "tuple[trimesh.Trimesh, bool]":
     """The closed surface, and whether its convex hull is wanted."""
     import trimesh
 
-    if told.cylinder is not None:
-        _check_lengths("cylinder", told.cylinder.radius, told.cylinder.height)
-        return trimesh.creation.cylinder(told.cylinder.radius, told.cylinder.height, sections=_SIDES), False
-    if told.spheres is not None:
-        return _union(told.spheres), False
-    if told.mesh is not None:
-        return _loaded(folder / told.mesh), told.hull
-    return _collision_geometry(folder / str(told.urdf)), True
+    if entry.cylinder is not None:
+        _check_lengths("cylinder", entry.cylinder.radius, entry.cylinder.height)
+        return trimesh.creation.cylinder(entry.cylinder.radius, entry.cylinder.height, sections=_SIDES), False
+    if entry.spheres is not None:
+        return _union(entry.spheres), False
+    if entry.mesh is not None:
+        return _loaded(folder / entry.mesh), entry.hull
+    return _collision_geometry(folder / str(entry.urdf)), True
 
 
 def _union(spheres: list[tuple[float, float, float, float]]) -> "trimesh.Trimesh":
@@ -120,7 +120,7 @@ def _loaded(path: Path) -> "trimesh.Trimesh":
         raise InvalidInputError(f"there is no mesh {path}")
     try:
         return trimesh.load_mesh(path)
-    except Exception as error:  # whatever a reader raises for a file that is broken
+    except Exception as error:  # readers raise anything for a broken file
         raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
 
 
@@ -134,7 +134,7 @@ def _collision_geometry(path: Path) -> "trimesh.Trimesh":
                                   build_collision_scene_graph=True, load_collision_meshes=True)  # fmt: skip
         scene = urdf.collision_scene
         mesh = scene.to_geometry() if scene is not None and scene.geometry else None
-    except Exception as error:  # whatever a reader raises for a file that is broken
+    except Exception as error:  # readers raise anything for a broken file
         raise InvalidInputError(f"{path} cannot be read as a URDF: {error}") from error
     if mesh is None:
         raise InvalidInputError(f"{path} has no collision geometry: give the body as a box")

@@ -14,7 +14,6 @@ states the first two poses follow from the start, the last one and the last velo
 `CouchMap` is the same map compiled.
 """
 
-
 from dataclasses import dataclass
 from typing import final
 
@@ -29,8 +28,7 @@ from nerfnav.robots.body import Body
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrap_angle
 from nerfnav.robots.kernels import couch as kernels
-from nerfnav.robots.limits import length, penalty, speed
-from nerfnav.robots.robot import Limit, Robot
+from nerfnav.robots.robot import Limit, Robot, length, penalty, speed
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import shortened
 
@@ -44,7 +42,7 @@ class CouchConfig:
     extents: tuple[float, float, float] = (0.3, 0.1, 0.1)
     """Edge lengths of the body [m]."""
     point_counts: tuple[int, int, int] = (13, 5, 5)
-    """Body points along each edge at which density is asked for: 2.5 cm apart."""
+    """Body points along each edge at which densities are taken: 2.5 cm apart."""
     max_speed: float = 3.0
     """[m/s]"""
     max_yaw_rate: float = 6.0
@@ -52,7 +50,7 @@ class CouchConfig:
     max_force: float = 15.0
     """[N]"""
     name: str = "couch"
-    """What users call it."""
+    """Name for users."""
 
     @property
     def inertia(self) -> float:
@@ -66,7 +64,7 @@ class CouchConfig:
 
     @property
     def bounds(self) -> tuple[Limit, ...]:
-        """What it can do at most."""
+        """Return the limits of the robot."""
         return (
             Limit("speed", "m/s", upper=self.max_speed),
             Limit("yaw rate", "rad/s", -self.max_yaw_rate, self.max_yaw_rate),
@@ -89,7 +87,7 @@ class CouchMap(FlatMap):
         self._slopes = (np.zeros((steps + 1, 2)), np.zeros(steps + 1), np.zeros((steps, 3)))
 
     def forward(self, free: np.ndarray) -> None:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         for slope in self._slopes:
             slope[:] = 0.0
         kernels.motion(
@@ -97,13 +95,13 @@ class CouchMap(FlatMap):
         )
 
     def limits(self, weight: float) -> float:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         for slope in self._slopes:
             slope[:] = 0.0
         return kernels.limits(self.velocity, self.rate, self.action, self._bounds, weight, *self._slopes)
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         of_velocity, of_rate, of_action = self._slopes
         gradient = np.empty(self._count)
         kernels.adjoint(
@@ -120,7 +118,7 @@ def _end(state: RigidState) -> np.ndarray:
 
 
 _FREE_POSITION, _FREE_YAW = 0.15, 0.5
-"""How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
+"""Changes of a waypoint [m] and a heading [rad] that change the motion much."""
 
 
 class Couch(Robot):
@@ -156,7 +154,7 @@ class Couch(Robot):
         return torch.cat([force[:2], config.inertia / dt * (turn - state.body_rate[2:])])
 
     def free_numbers(self, steps: int) -> int:
-        """How many numbers are free over `steps` steps."""
+        """Count the free numbers over `steps` steps."""
         if steps < self.minimum_steps:
             raise InvalidInputError(f"a couch needs at least {self.minimum_steps} steps, not {steps}")
         return 3 * (steps - 2)
@@ -191,8 +189,8 @@ class Couch(Robot):
 
     def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> CouchMap | None:
         """See Robot; None for a robot that was given other bounds than those of its config."""
-        known = self.bounds == self.config.bounds
-        return CouchMap(self.config, start, goal, steps, dt) if known else None
+        as_configured = self.bounds == self.config.bounds
+        return CouchMap(self.config, start, goal, steps, dt) if as_configured else None
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float

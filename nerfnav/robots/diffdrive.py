@@ -17,7 +17,6 @@ there (arcs.py), a smooth map wherever the robot moves at all. Forward and rever
 the same map compiled.
 """
 
-
 import math
 from dataclasses import dataclass, replace
 from typing import final
@@ -46,8 +45,7 @@ from nerfnav.robots.ground import (
 )
 from nerfnav.robots.kernels import arcs
 from nerfnav.robots.kernels import diffdrive as kernels
-from nerfnav.robots.limits import penalty
-from nerfnav.robots.robot import Limit, Robot
+from nerfnav.robots.robot import Limit, Robot, penalty
 from nerfnav.robots.state import Motion, RigidState
 
 
@@ -58,7 +56,7 @@ class DiffDriveConfig:
     extents: tuple[float, float, float] = (0.14, 0.12, 0.08)
     """Edge lengths of the body [m]."""
     point_counts: tuple[int, int, int] = (7, 6, 4)
-    """Body points along each edge at which density is asked for: 2.5 cm apart."""
+    """Body points along each edge at which densities are taken: 2.5 cm apart."""
     max_speed: float = 3.0
     """Forward or reverse [m/s]."""
     max_yaw_rate: float = 8.0
@@ -68,7 +66,7 @@ class DiffDriveConfig:
     max_yaw_acceleration: float = 60.0
     """[rad/s^2]"""
     name: str = "diffdrive"
-    """What users call it."""
+    """Name for users."""
 
     @property
     def body(self) -> Body:
@@ -77,7 +75,7 @@ class DiffDriveConfig:
 
     @property
     def bounds(self) -> tuple[Limit, ...]:
-        """What it can do at most."""
+        """Return the limits of the robot."""
         most = {
             ("speed", "m/s"): self.max_speed,
             ("yaw rate", "rad/s"): self.max_yaw_rate,
@@ -108,7 +106,7 @@ class DiffDriveMap(FlatMap):
         self._slopes = (np.zeros(steps + 1), np.zeros(steps + 1), np.zeros((steps, 2)))
 
     def forward(self, free: np.ndarray) -> None:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         self._clear()
         short = self._ends[1, 2] - free[-1]
         self._last = free[-1] + math.atan2(math.sin(short), math.cos(short))
@@ -123,12 +121,12 @@ class DiffDriveMap(FlatMap):
             self.position[-1] = self._goal
 
     def limits(self, weight: float) -> float:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         self._clear()
         return kernels.limits(self._speeds, self.rate, self.action, self._bounds, weight, *self._slopes)
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         of_speed, of_rate, of_action = self._slopes
         if self._reached:  # the goal does not move
             by_position[-1] = 0.0
@@ -193,7 +191,7 @@ class DiffDrive(Robot):
         return wanted.clamp(-most, most)
 
     def free_numbers(self, steps: int) -> int:
-        """How many numbers are free over `steps` steps."""
+        """Count the free numbers over `steps` steps."""
         if steps < self.minimum_steps:
             raise InvalidInputError(f"a differential drive needs at least {self.minimum_steps} steps, not {steps}")
         return 2 * steps - 3
@@ -242,13 +240,13 @@ class DiffDrive(Robot):
 
     def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> DiffDriveMap | None:
         """See Robot; None for a robot that was given other bounds than those of its config."""
-        known = self.bounds == self.config.bounds
-        return DiffDriveMap(self.config, start, goal, steps, dt) if known else None
+        as_configured = self.bounds == self.config.bounds
+        return DiffDriveMap(self.config, start, goal, steps, dt) if as_configured else None
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
-        """Speeds and headings along waypoints: their headings where these point along the way, else the way's own."""
+        """Speeds and headings along waypoints: their headings where these point along the path, else the path's own."""
         steps = waypoints.shape[0] - 1
         self.free_numbers(steps)
         moved = waypoints[1:, :2] - waypoints[:-1, :2]

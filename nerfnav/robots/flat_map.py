@@ -18,7 +18,7 @@ from nerfnav.robots.state import Motion, RigidState
 
 
 class FlatMap(ABC):
-    """The flatness map of one robot, for one start, goal, number of steps N and time step dt."""
+    """Flatness map of one robot, for one start, goal, number of steps N and time step dt."""
 
     position: np.ndarray
     """(N + 1, 3) positions [m] of the last `forward`."""
@@ -39,17 +39,17 @@ class FlatMap(ABC):
 
     @abstractmethod
     def limits(self, weight: float) -> float:
-        """`weight` times the robot's `limits` at the last motion; the next `backward` adds its derivative."""
+        """Compute `weight` times the robot's `limits` at the last motion; the next `backward` adds its derivative."""
 
     @abstractmethod
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
-        """Derivative by the free numbers, from those by position, attitude (in its tangent) and action.
+        """Compute the derivative by the free numbers, from those by position, attitude (in its tangent) and action.
 
         The arrays may be used up as scratch.
         """
 
     def motion(self) -> Motion:
-        """The last motion as tensors, in single precision."""
+        """Return the last motion as tensors, in single precision."""
         arrays = (self.position, self.velocity, self.rotation, self.rate, self.action)
         *states, action = (torch.from_numpy(array.astype(np.float32)) for array in arrays)
         return Motion(RigidState(*states), action, self.dt)
@@ -57,20 +57,20 @@ class FlatMap(ABC):
 
 @runtime_checkable
 class FlatRobot(Protocol):
-    """What is asked of a robot for its map by autograd; see `Robot`."""
+    """Methods of a robot that its map by autograd needs; see `Robot`."""
 
     def motion(self, free: Tensor, start: RigidState, goal: RigidState, steps: int, dt: float) -> Motion:
-        """The motion that the free numbers stand for."""
+        """Compute the motion of the free numbers."""
         ...
 
     def limits(self, motion: Motion) -> Tensor:
-        """How far a motion strays to where it is not well defined."""
+        """Penalise motions that are not well defined."""
         ...
 
 
 @final
 class TorchFlatMap(FlatMap):
-    """Any robot's map by autograd: slower, and the reference for the compiled ones."""
+    """Flatness map of any robot by autograd: slower, and the reference for the compiled ones."""
 
     def __init__(self, robot: FlatRobot, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
         """Map free numbers of `robot` between `start` and `goal`."""
@@ -78,7 +78,7 @@ class TorchFlatMap(FlatMap):
         self._start, self._goal = start.to(torch.float64), goal.to(torch.float64)
 
     def forward(self, free: np.ndarray) -> None:
-        """See FlatMap."""
+        """Implement FlatMap by autograd."""
         self._free = torch.from_numpy(free.copy()).requires_grad_()
         self._motion: Motion = self._robot.motion(self._free, self._start, self._goal, self._steps, self.dt)
         self._penalty: torch.Tensor | None = None
@@ -88,12 +88,12 @@ class TorchFlatMap(FlatMap):
         self.action = self._motion.actions.detach().numpy()
 
     def limits(self, weight: float) -> float:
-        """See FlatMap."""
+        """Implement FlatMap by autograd."""
         self._penalty = weight * self._robot.limits(self._motion)
         return self._penalty.item()
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
-        """See FlatMap."""
+        """Implement FlatMap by autograd."""
         states = self._motion.states
         skew = so3.hat(torch.from_numpy(by_rotation))
         parts = [

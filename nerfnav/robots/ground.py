@@ -1,6 +1,5 @@
 """Ground robots: level states at one height, and headings along a path, forward or in reverse."""
 
-
 import math
 
 import torch
@@ -32,7 +31,7 @@ def check_ground_ends(name: str, start: RigidState, goal: RigidState) -> None:
 
 
 def on_the_ground(state: RigidState, before: RigidState) -> RigidState:
-    """The nearest state that is level and moves in the plane, at the height of `before`."""
+    """Project a state to the nearest one that is level and moves in the plane, at the height of `before`."""
     return RigidState(
         spatial(state.position[..., :2], before.position[..., 2]),
         spatial(state.velocity[..., :2], 0.0),
@@ -42,47 +41,47 @@ def on_the_ground(state: RigidState, before: RigidState) -> RigidState:
 
 
 def wrap_angle(angle: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    """The same angle [rad] in -pi to pi."""
+    """Wrap an angle [rad] to -pi to pi."""
     return torch.atan2(torch.sin(angle), torch.cos(angle))
 
 
 def spatial(planar: Float[Tensor, "*batch 2"], third: float | Tensor) -> Float[Tensor, "*batch 3"]:
-    """Vectors of the plane with a third coordinate."""
+    """Give vectors of the plane a third coordinate."""
     column = torch.as_tensor(third, dtype=planar.dtype, device=planar.device).expand(planar.shape[:-1])
     return torch.cat([planar, column[..., None]], -1)
 
 
 def about_z(rate: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 3"]:
-    """Body rates of a robot that only turns about z."""
+    """Make body rates of a robot that only turns about z."""
     zero = torch.zeros_like(rate)
     return torch.stack([zero, zero, rate], -1)
 
 
 def heading(state: RigidState) -> Float[Tensor, "*batch"]:
-    """Yaw of a level state [rad]."""
+    """Return the yaw of a level state [rad]."""
     return so3.yaw_of(state.rotation)
 
 
 def row(value: Tensor, batch: torch.Size) -> Tensor:
-    """A number or vector as one entry of a (batch, time, ...) table."""
+    """Make a number or vector one entry of a (batch, time, ...) table."""
     return value.expand(torch.Size([*batch, *value.shape])).unsqueeze(len(batch))
 
 
 def forward_speed(state: RigidState) -> Float[Tensor, "*batch"]:
-    """s [m/s], negative in reverse."""
+    """Compute the forward speed s [m/s], negative in reverse."""
     return (state.rotation[..., 0] * state.velocity).sum(-1)
 
 
 _TURNING_SHARE = 0.25
-"""Share of the way over which headings turn from the start's to the way's, and at the end to the goal's."""
+"""Share of the path over which headings turn from the start's to the path's, and at the end to the goal's."""
 _STILL = 0.2
-"""Share of the mean step below which a step's direction says nothing of the way's."""
+"""Share of the mean step below which a step's direction does not count."""
 
 
 def headings_along(
     moved: Float[Tensor, "n 2"], first: Float[Tensor, ""], last: Float[Tensor, ""]
 ) -> tuple[Float[Tensor, " times"], float]:
-    """Headings [rad] at each time for a robot whose steps move it by `moved` [m], between those at its ends.
+    """Compute headings [rad] at each time for a robot whose steps move it by `moved` [m], between those at its ends.
 
     Also 1 for forward or -1 for reverse, whichever takes less turning at the ends.
     """
@@ -101,17 +100,17 @@ def headings_along(
 
 
 def unwrap_angles(angles: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """The same angles [rad], each within half a turn of the one before it."""
+    """Unwrap angles [rad]: each within half a turn of the one before it."""
     return torch.cat([angles[:1], angles[:1] + wrap_angle(angles.diff()).cumsum(0)])
 
 
 def _turning(way: Tensor, first: Tensor, last: Tensor) -> float:
-    """How far a robot turns at both ends of a way [rad]."""
+    """Measure the turns of a robot at both ends of a path [rad]."""
     return (wrap_angle(way[0] - first).abs() + wrap_angle(last - way[-1]).abs()).item()
 
 
 def _nearest_moving(still: Tensor) -> Tensor:
-    """For each step the nearest one that moves, itself where none does."""
+    """Find for each step the nearest one that moves, itself where none does."""
     index = torch.arange(len(still))
     if bool(still.all()):
         return index

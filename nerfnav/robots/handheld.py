@@ -1,10 +1,10 @@
-"""Handheld camera: it keeps its velocities but for what the hand does, which nothing reports.
+"""Handheld camera: constant velocities but for the motion of the hand, which is not measured.
 
 Notation as in robots/state.py. Constant-velocity model over a step dt, without any action:
 
     p' = p + v dt,   v' = v,   R' = R Exp(w dt),   w' = w
 
-What the hand does is process noise (`RandomAcceleration`, see noise.py).
+The motion of the hand is process noise (`RandomAcceleration`, see noise.py).
 """
 
 import torch
@@ -21,23 +21,23 @@ _EXTENTS = (0.1, 0.1, 0.1)
 
 
 class HandHeld(Robot):
-    """What is tracked, and never planned for."""
+    """Handheld camera: tracked, and never planned for."""
 
     action_names = ()
     action_weights = ()
     minimum_steps = 1
 
     def __init__(self, name: str = "handheld", body: Body | None = None) -> None:
-        """A camera in a hand (default: of 10 cm)."""
+        """Make a camera in a hand (default: of 10 cm)."""
         self.name = name
         self.body = Body.box(_EXTENTS, (3, 3, 3)) if body is None else body
 
     def require_planned(self) -> None:
-        """Raises InvalidInputError, always."""
+        """Raise InvalidInputError: a hand is not planned for."""
         raise self._never()
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 0"], dt: float) -> RigidState:
-        """The state after `dt` [s] of moving on."""
+        """Move a state on for `dt` [s]."""
         return RigidState(
             state.position + state.velocity * dt,
             state.velocity,
@@ -46,23 +46,23 @@ class HandHeld(Robot):
         )
 
     def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, " 0"]:
-        """Nothing: a hand is not told what to do."""
+        """Return an empty action: a hand takes no commands."""
         return torch.zeros(0)
 
     def motion(
         self, free: Float[Tensor, "*batch k"], start: RigidState, goal: RigidState, steps: int, dt: float
     ) -> Motion:
-        """Raises InvalidInputError, always."""
+        """Raise InvalidInputError: a hand is not planned for."""
         raise self._never()
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
-        """Raises InvalidInputError, always."""
+        """Raise InvalidInputError: a hand is not planned for."""
         raise self._never()
 
     def check_ends(self, start: RigidState, goal: RigidState) -> None:
-        """Raises InvalidInputError, always: planners ask this first."""
+        """Raise InvalidInputError: a hand is not planned for, and planners check this first."""
         raise self._never()
 
     def _never(self) -> InvalidInputError:

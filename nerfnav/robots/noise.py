@@ -1,4 +1,7 @@
-"""Gaussian noise on a state: what a filter assumes and what a simulator applies, in one record."""
+"""Gaussian noise of a robot's state: process noise of a time step, and error of an estimate.
+
+Filters assume it, simulators draw it, and planners predict the tracking error from it.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -12,10 +15,10 @@ from nerfnav.core.errors import InvalidInputError
 
 @runtime_checkable
 class ProcessNoise(Protocol):
-    """What a time step adds to a state, of zero mean."""
+    """Noise that a time step adds to a state, of zero mean."""
 
     def covariance(self) -> Float[Tensor, "12 12"]:
-        """In the tangent of the state."""
+        """Return the covariance in the tangent of the state."""
         ...
 
 
@@ -27,13 +30,13 @@ class StateNoise:
     """
 
     position_m: float = 0.02
-    """On each coordinate of the position [m]."""
+    """Deviation of each coordinate of the position [m]."""
     velocity_mps: float = 0.01
-    """On each coordinate of the velocity [m/s]."""
+    """Deviation of each coordinate of the velocity [m/s]."""
     attitude_rad: float = 0.02
-    """On each coordinate of the attitude's tangent [rad]."""
+    """Deviation of each coordinate of the attitude's tangent [rad]."""
     body_rate_radps: float = 0.01
-    """On each coordinate of the body rate [rad/s]."""
+    """Deviation of each coordinate of the body rate [rad/s]."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError unless all four are finite and at least 0."""
@@ -42,25 +45,39 @@ class StateNoise:
 
     @classmethod
     def isotropic(cls, variance: float) -> "StateNoise":
-        """The same variance on all twelve numbers, as the paper's 0.1 I."""
+        """Set the same variance on all twelve numbers, as the paper's 0.1 I."""
         return cls(*(variance**0.5,) * 4)
 
     @property
     def deviations(self) -> tuple[float, float, float, float]:
-        """Standard deviations of position [m], velocity [m/s], attitude [rad] and body rate [rad/s]."""
+        """Return the deviations of position [m], velocity [m/s], attitude [rad] and body rate [rad/s]."""
         return self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps
 
-    def std(self) -> Float[Tensor, "12"]:
-        """Standard deviation of each tangent number."""
-        return torch.tensor(self.deviations, dtype=torch.float32).repeat_interleave(3)
+    def std(self, dtype: torch.dtype = torch.float32) -> Float[Tensor, "12"]:
+        """Return the standard deviation of each tangent number."""
+        return torch.tensor(self.deviations, dtype=dtype).repeat_interleave(3)
 
-    def covariance(self) -> Float[Tensor, "12 12"]:
-        """The diagonal covariance."""
-        return torch.diag(self.std().square())
+    def covariance(self, dtype: torch.dtype = torch.float32) -> Float[Tensor, "12 12"]:
+        """Return the covariance, which is diagonal."""
+        return torch.diag(self.std(dtype).square())
 
     def sample(self, generator: torch.Generator) -> Float[Tensor, "12"]:
-        """One random tangent vector."""
+        """Draw one tangent vector."""
         return self.std() * torch.randn(12, generator=generator)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Noise of a flight, from which the tracking error is predicted."""
+
+    process: StateNoise = StateNoise()
+    """Noise of each time step; by default the paper's."""
+    estimate: StateNoise = StateNoise(0.005, 0.02, 0.005, 0.02)
+    """Error of the estimate from which a plan starts; by default that of flights by camera alone."""
+
+
+PAPER_NOISE = NoiseModel()
+"""Noise of the paper's flights."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +96,7 @@ class RandomAcceleration:
     """q of body rates [rad/s per sqrt(s)]."""
 
     def covariance(self) -> Float[Tensor, "12 12"]:
-        """In the tangent of the state."""
+        """Return the covariance in the tangent of the state."""
         dt, eye = self.dt, torch.eye(3)
         parts = torch.tensor([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
         return torch.block_diag(*(torch.kron(size**2 * parts, eye) for size in (self.linear, self.angular)))
@@ -87,11 +104,11 @@ class RandomAcceleration:
 
 @dataclass(frozen=True)
 class MeasuredNoise:
-    """Process noise of a covariance that is known."""
+    """Process noise of a known covariance."""
 
-    told: Float[Tensor, "12 12"]
-    """The covariance."""
+    matrix: Float[Tensor, "12 12"]
+    """Covariance in the tangent of the state."""
 
     def covariance(self) -> Float[Tensor, "12 12"]:
-        """In the tangent of the state."""
-        return self.told
+        """Return the covariance in the tangent of the state."""
+        return self.matrix

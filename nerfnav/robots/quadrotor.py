@@ -18,9 +18,8 @@ free:
 
     free = (f_0, f_1, p_4 .. p_{N-1}, yaw_2 .. yaw_{N-1}),  2 + 3 (N - 4) + (N - 2) numbers
 
-`QuadrotorMap` is the same map compiled; `way`, `held` and `first_thrusts` are its dynamics in kernels.
+`QuadrotorMap` is the same map compiled; `roll_out`, `roll_out_hold` and `first_thrusts` are its dynamics in kernels.
 """
-
 
 from typing import final
 
@@ -36,9 +35,8 @@ from nerfnav.robots.kernels import quadrotor as kernels
 from nerfnav.robots.kernels import quadrotor as limit_kernels
 from nerfnav.robots.kernels import quadrotor_dynamics as hold_kernels
 from nerfnav.robots.kernels import quadrotor_dynamics as step_kernels
-from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.robot import Robot
+from nerfnav.robots.robot import Robot, length, penalty, speed
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
 
@@ -69,11 +67,11 @@ class QuadrotorMap(FlatMap):
 
     @property
     def constants(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Ends, attitudes, constants and bounds, as the kernels have them."""
+        """Return ends, attitudes, constants and bounds, as the kernels take them."""
         return self._ends, self._attitudes, self._constants, self._bounds
 
     def forward(self, free: np.ndarray) -> None:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         self._free, self._penalised = free, False
         kernels.motion(
             free, self._ends, self._attitudes, self._constants, self._beyond, self.velocity, self.rotation,
@@ -81,7 +79,7 @@ class QuadrotorMap(FlatMap):
         )  # fmt: skip
 
     def limits(self, weight: float) -> float:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         self._penalised = True
         for slope in self._slopes:
             slope[:] = 0.0
@@ -90,7 +88,7 @@ class QuadrotorMap(FlatMap):
         )
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
-        """See FlatMap."""
+        """Implement FlatMap with compiled kernels."""
         if self._penalised:
             of_position, of_rotation, of_action = self._slopes
             by_position, by_rotation, by_action = (
@@ -105,15 +103,15 @@ class QuadrotorMap(FlatMap):
         return gradient
 
 
-def way(config: QuadrotorConfig, start: RigidState, actions: np.ndarray, dt: float) -> np.ndarray:
-    """Positions (n + 1, 3) [m] under actions (n, 4) of `dt` [s], the start included."""
+def roll_out(config: QuadrotorConfig, start: RigidState, actions: np.ndarray, dt: float) -> np.ndarray:
+    """Roll out positions (n + 1, 3) [m] under actions (n, 4) of `dt` [s], the start included."""
     positions = np.empty((len(actions) + 1, 3))
     step_kernels.roll_out(_arrays_of(start), actions, _constants_of(config, dt), positions)
     return positions
 
 
-def held(config: QuadrotorConfig, start: RigidState, wanted: Tensor, dt: float, rest: float) -> Motion:
-    """What comes of holding, for up to n steps with wanted velocities (n, 3) [m/s]: see `Robot.held`."""
+def roll_out_hold(config: QuadrotorConfig, start: RigidState, wanted: Tensor, dt: float, rest: float) -> Motion:
+    """Roll out `hold` for up to n steps with wanted velocities (n, 3) [m/s]: see `Robot.roll_out_hold`."""
     most = len(wanted)
     states = (np.empty((most + 1, 3)), np.empty((most + 1, 3)), np.empty((most + 1, 3, 3)), np.empty((most + 1, 3)))
     holding = (config.braking, config.max_braking, config.levelling, config.thrust_floor * config.weight)
@@ -129,26 +127,27 @@ def held(config: QuadrotorConfig, start: RigidState, wanted: Tensor, dt: float, 
 def first_thrusts(
     config: QuadrotorConfig, start: RigidState, wanted: np.ndarray, dt: float, floor: float
 ) -> np.ndarray:
-    """f_0 and f_1 [N] that lead nearest to the positions (2, 3) [m] wanted at steps 2 and 3; at least `floor` [N]."""
+    """Compute f_0 and f_1 [N] that lead nearest to the positions (2, 3) [m] wanted at steps 2 and 3; at least
+    `floor` [N]."""
     thrusts = np.empty(2)
     step_kernels.first_thrusts(_arrays_of(start), wanted, _constants_of(config, dt), floor, thrusts)
     return thrusts
 
 
 def _constants_of(config: QuadrotorConfig, dt: float) -> np.ndarray:
-    """Mass, inertia, gravity and time step, as the kernels have them."""
+    """Pack mass, inertia, gravity and time step for the kernels."""
     return np.array([config.mass, *config.inertia, config.gravity, dt])
 
 
 def _arrays_of(state: RigidState) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity, attitude and body rate of one state, as the kernels have them."""
+    """Unpack position, velocity, attitude and body rate of one state for the kernels."""
     parts = (state.position, state.velocity, state.rotation, state.body_rate)
     position, velocity, rotation, rate = (part.detach().double().contiguous().numpy() for part in parts)
     return position, velocity, rotation, rate
 
 
 _FREE_POSITION, _FREE_YAW = 0.15, 0.5
-"""How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
+"""Changes of a waypoint [m] and a heading [rad] that change the motion much."""
 
 
 class Quadrotor(Robot):
@@ -169,7 +168,7 @@ class Quadrotor(Robot):
         self.bounds = self.config.bounds
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 4"], dt: float) -> RigidState:
-        """The state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""
+        """Compute the state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""
         inertia = torch.tensor(self.config.inertia).to(action)
         thrust, torque = action[..., :1], action[..., 1:]
         acceleration = state.rotation[..., 2] * thrust / self.config.mass + self._gravity(action)
@@ -195,7 +194,7 @@ class Quadrotor(Robot):
         return self.steer(state, wish, dt, config.levelling)
 
     def steer(self, state: RigidState, wish: Wish, dt: float, turn: float) -> Float[Tensor, "4"]:
-        """The thrust [N] and torque [N m] that come nearest to a wish.
+        """Compute the thrust [N] and torque [N m] that come nearest to a wish.
 
         Explicit Euler carries an action's torque into the attitude two steps later. So the error of the attitude is
         that of the predictions for that time, and the torque is the one that takes the share `turn` of it away.
@@ -212,7 +211,7 @@ class Quadrotor(Robot):
         return torch.cat([thrusts[0], inertia * (rate - state.body_rate) / dt + gyroscopic])
 
     def free_numbers(self, steps: int) -> int:
-        """How many numbers are free over `steps` steps."""
+        """Count the free numbers over `steps` steps."""
         if steps < self.minimum_steps:
             raise InvalidInputError(
                 f"a quadrotor needs at least {self.minimum_steps} steps between two full states, not {steps}"
@@ -222,7 +221,7 @@ class Quadrotor(Robot):
     def motion(
         self, free: Float[Tensor, "*batch k"], start: RigidState, goal: RigidState, steps: int, dt: float
     ) -> Motion:
-        """The flatness map above. The ends are met exactly, and the dynamics up to rounding.
+        """Apply the flatness map above. The ends are met exactly, and the dynamics up to rounding.
 
         Finite with finite derivatives everywhere. No continuous map turns an acceleration into a direction all the
         way to zero (it would retract a ball to its sphere), so below 1e-4 m/s^2 of thrust the body stands upright.
@@ -248,8 +247,8 @@ class Quadrotor(Robot):
 
     def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> QuadrotorMap | None:
         """See Robot; None for a robot that was given other bounds or another weight than those of its config."""
-        known = (self.bounds, self.weight) == (self.config.bounds, self.config.weight)
-        return QuadrotorMap(self.config, start, goal, steps, dt) if known else None
+        as_configured = (self.bounds, self.weight) == (self.config.bounds, self.config.weight)
+        return QuadrotorMap(self.config, start, goal, steps, dt) if as_configured else None
 
     def compiled_roll_out(
         self, start: RigidState, actions: Float[Tensor, "n 4"], dt: float
@@ -257,7 +256,7 @@ class Quadrotor(Robot):
         """See Robot; None for a robot that steps otherwise."""
         if type(self).step is not Quadrotor.step:
             return None
-        return torch.from_numpy(way(self.config, start, actions.double().numpy(), dt)).to(actions)
+        return torch.from_numpy(roll_out(self.config, start, actions.double().numpy(), dt)).to(actions)
 
     def compiled_hold(
         self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float
@@ -266,12 +265,12 @@ class Quadrotor(Robot):
         kind = type(self)
         if (kind.step, kind.hold, kind.steer) != (Quadrotor.step, Quadrotor.hold, Quadrotor.steer):
             return None
-        return held(self.config, start, wanted, dt, rest)
+        return roll_out_hold(self.config, start, wanted, dt, rest)
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
-        """Free numbers near waypoints: inner positions and yaws as they are, f_0 and f_1 by projection.
+        """Encode waypoints as free numbers: inner positions and yaws as they are, f_0 and f_1 by projection.
 
         f_0 and f_1 push along a fixed axis only: they get the part of the wished acceleration along it, and at least
         the thrust floor.
@@ -284,18 +283,18 @@ class Quadrotor(Robot):
         return torch.cat([torch.from_numpy(thrusts).to(inner), inner, waypoints[2:-1, 3]])
 
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
-        """The weight, a few body lengths, half a radian."""
+        """Return the weight, a few body lengths and half a radian."""
         scales = torch.full_like(free, _FREE_POSITION)
         scales[:2], scales[self.free_headings(len(free))] = self.weight, _FREE_YAW
         return scales
 
     def free_headings(self, count: int) -> slice:
-        """The last ones."""
+        """Return the slice of the last ones."""
         steps = (count + 12) // 4
         return slice(count - (steps - 2), count)
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
-        """Thrust [N], tilt [rad], speed [m/s], length of the body rate [rad/s]."""
+        """Compute thrust [N], tilt [rad], speed [m/s] and the length of the body rate [rad/s]."""
         up = motion.states.rotation[..., 2]
         return {
             "thrust": motion.actions[..., 0],
@@ -305,7 +304,8 @@ class Quadrotor(Robot):
         }
 
     def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
-        """Squared shortfall of the upward thrust below its floor, in shares of the weight, and excess over bounds."""
+        """Sum the squared shortfall of the upward thrust below its floor, in shares of the weight, and excess over
+        bounds."""
         upward = motion.actions[..., 0] * motion.states.rotation[..., :-1, 2, 2] / self.weight
         return (self.config.thrust_floor - upward).clamp_min(0).square().sum(-1) + penalty(self, motion)
 

@@ -1,4 +1,4 @@
-"""The constants of the quadrotor."""
+"""Constants of a quadrotor: mass, inertia, size and limits."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from nerfnav.robots.robot import Limit
 
 @dataclass(frozen=True)
 class QuadrotorConfig:
-    """A quadrotor of the paper's size, 10 x 10 x 4 cm.
+    """Constants of a quadrotor of the paper's size, 10 x 10 x 4 cm.
 
     The paper's simulated robot weighs about 1 kg, four times what flies at this size with a camera and a computer.
     """
@@ -20,7 +20,7 @@ class QuadrotorConfig:
     extents: tuple[float, float, float] = (0.1, 0.1, 0.04)
     """Edge lengths of the body [m], as in the paper."""
     point_counts: tuple[int, int, int] = (5, 5, 2)
-    """Body points along each edge at which density is asked for: 2.5 cm apart, top and bottom."""
+    """Body points along each edge at which densities are taken: 2.5 cm apart, top and bottom."""
     gravity: float = 9.81
     """[m/s^2]"""
     max_thrust: float = 6.0
@@ -41,23 +41,23 @@ class QuadrotorConfig:
     max_braking: float = 8.0
     """Largest deceleration while it holds [m/s^2]: a tilt of about 40 degrees."""
     levelling: float = 0.8
-    """Share of the error of the attitude that it takes away in one step while it holds."""
+    """Share of the attitude's error that one step removes while it holds."""
     name: str = "quadrotor"
-    """What users call it."""
+    """Name for users."""
 
     @property
     def weight(self) -> float:
-        """m g [N]."""
+        """Return the weight m g [N]."""
         return self.mass * self.gravity
 
     @property
     def body(self) -> Body:
-        """A box, filled with points."""
+        """Make a box, filled with points."""
         return Body.box(self.extents, self.point_counts)
 
     @property
     def bounds(self) -> tuple[Limit, ...]:
-        """What it can do at most."""
+        """Return the limits of the robot."""
         return (
             Limit("thrust", "N", upper=self.max_thrust),
             Limit("tilt", "rad", upper=self.max_tilt),

@@ -1,4 +1,4 @@
-"""Robot protocol: turn flat waypoints into motion, and take a step of the dynamics.
+"""Robot: flatness map from waypoints to motion, step of the dynamics, and limits with the penalty on their excess.
 
 Discrete differential flatness: a robot names its free numbers (`free`), such that any value of them gives a motion
 that starts at `start`, ends at `goal` and obeys the discrete dynamics of `step`, all exactly. A planner may then
@@ -23,31 +23,31 @@ from nerfnav.robots.state import Motion, RigidState
 
 @dataclass(frozen=True)
 class Limit:
-    """A bound on something that a motion asks of a robot."""
+    """Bound on a demand of a motion on a robot."""
 
     name: str
-    """What is bounded: a key of `Robot.demands`."""
+    """Demand that is bounded: a key of `Robot.demands`."""
     unit: str
-    """Its unit."""
+    """Unit of the demand."""
     lower: float | None = None
     """Smallest value allowed."""
     upper: float | None = None
     """Largest value allowed."""
 
 CAMERA = Camera.from_fov(200, 200, 90)
-"""What robots see with unless told otherwise: as wide as the bundled fields' own photographs."""
+"""Default camera of robots: as wide as the bundled fields' own photographs."""
 _NO_PART_OF_THE_MAP = frozenset(
     ("__init__", "hold", "steer", "encode", "free_scales", "free_headings", "check_ends", "settled", "with_body",
      "body_with_room", "with_camera", "source")
 )  # fmt: skip
-"""What a robot may do in its own way, and still be moved by its parent's compiled map."""
+"""Methods that a robot may override and still use its parent's compiled map."""
 
 
 class Robot(ABC):
-    """A body that moves."""
+    """Body that moves by its own dynamics."""
 
     name: str
-    """What users call it, as in `--robot`."""
+    """Name, as in `--robot`."""
     body: Body
     """Its shape."""
     action_names: tuple[str, ...]
@@ -55,74 +55,74 @@ class Robot(ABC):
     action_weights: tuple[float, ...]
     """Diagonal of Gamma in the control cost u' Gamma u, one for each number of an action [1 / unit^2]."""
     minimum_steps: int
-    """Fewest steps in which a motion between two full states exists."""
+    """Least number of steps in which a motion between two full states exists."""
     planar: bool = False
-    """Whether it stays at the height of its start, level."""
+    """True if it stays at the height of its start, level."""
     bounds: tuple[Limit, ...] = ()
-    """What it can do at most."""
+    """Limits of the robot."""
     acceleration: float | None = None
-    """For which it is given time where nobody says how long a flight may take [m/s^2]; None: its speed alone counts."""
+    """Acceleration by which durations are estimated [m/s^2]; None: by its speed alone."""
     camera: Camera = CAMERA
-    """What it sees with."""
+    """Camera of the robot."""
     mount: Pose = FORWARD_MOUNT
     """T_body_camera."""
     file: Path | None = None
-    """What describes it; None where its class alone does."""
+    """File that describes it; None where its class alone does."""
 
     @property
     def source(self) -> str:
-        """What `nerfnav.robots.load` makes it of again: its file, or its name."""
+        """Return the argument with which `nerfnav.robots.load` makes it again: its file, or its name."""
         return str(self.file or self.name)
 
     def with_body(self, body: Body) -> "Robot":
-        """The same robot, mass and inertia included, in another shape."""
+        """Copy the robot, mass and inertia included, with another shape."""
         other = copy(self)
         other.body = body
         return other
 
     def with_camera(self, camera: Camera, mount: Pose) -> "Robot":
-        """The same robot with another camera at `mount` T_body_camera."""
+        """Copy the robot with another camera at `mount` T_body_camera."""
         other = copy(self)
         other.camera, other.mount = camera, mount
         return other
 
     def require_planned(self) -> None:
-        """Raise InvalidInputError for what does not move by itself: it is tracked, and never planned for."""
+        """Raise InvalidInputError for a robot that does not move by itself: it is tracked, and never planned for."""
         return
 
     def body_with_room(self, margin: float) -> Body:
-        """The body with so much room around it [m]; a robot on the ground needs none above what it stands on."""
+        """Grow the body by so much room around it [m]; a robot on the ground needs none above what it stands on."""
         return self.body.grown(margin, upright=not self.planar)
 
     @abstractmethod
     def step(self, state: RigidState, action: Float[Tensor, "*batch a"], dt: float) -> RigidState:
-        """The state after `dt` [s] under an action: f(x, u), differentiable."""
+        """Compute the state after `dt` [s] under an action: f(x, u), differentiable."""
 
     @abstractmethod
     def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, " a"]:
-        """The action of `dt` [s] that brings the robot nearer to rest; repeated, it comes to rest and stays so.
+        """Compute the action of `dt` [s] that brings the robot nearer to rest; repeated, it comes to rest and stays so.
 
-        With `turn` [rad/s] it looks around, and turns on the spot. It asks nothing of the position: it is what a robot
-        can do that does not know where it is.
+        With `turn` [rad/s] it looks around, and turns on the spot. It does not use the position: a robot that is
+        lost can still hold.
         """
 
     @abstractmethod
     def motion(
         self, free: Float[Tensor, "*batch k"], start: RigidState, goal: RigidState, steps: int, dt: float
     ) -> Motion:
-        """The motion over `steps` steps of `dt` [s] that the free numbers stand for, from `start` to `goal`."""
+        """Compute the motion of the free numbers over `steps` steps of `dt` [s], from `start` to `goal`."""
 
     @abstractmethod
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
-        """Free numbers whose motion follows waypoints (x, y, z [m], yaw [rad]), one for each time step.
+        """Encode as free numbers a motion that follows waypoints (x, y, z [m], yaw [rad]), one for each time step.
 
         The first and last waypoint are start and goal; the ends' exactness wins where the waypoints disagree.
         """
 
     def flat_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap:
-        """`motion` and `limits` between two states over `steps` steps of `dt` [s], as a fast function with an adjoint.
+        """Make `motion` and `limits` between two states over `steps` steps of `dt` [s] a fast function with an adjoint.
 
         The compiled one where there is one; by autograd for all others, and for a robot that inherits a compiled map
         but moves otherwise than the parent for which it was compiled.
@@ -131,13 +131,13 @@ class Robot(ABC):
         return TorchFlatMap(self, start, goal, steps, dt) if compiled is None else compiled
 
     def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
-        """The twin of `motion` and `limits` in compiled kernels; None where there is none. Asked by `flat_map`."""
+        """Make the twin of `motion` and `limits` in compiled kernels, for `flat_map`; None where there is none."""
         return None
 
     def roll_out_positions(
         self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
     ) -> Float[Tensor, "times 3"]:
-        """Positions [m] of a robot that takes actions of `dt` [s] whatever happens, the start included."""
+        """Roll out the positions [m] of a robot that takes actions of `dt` [s] in open loop, the start included."""
         compiled = self.compiled_roll_out(start, actions, dt) if keeps_compiled_map(type(self)) else None
         if compiled is not None:
             return compiled
@@ -149,12 +149,11 @@ class Robot(ABC):
     def compiled_roll_out(
         self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
     ) -> Float[Tensor, "times 3"] | None:
-        """The same by the twin of `step` in compiled kernels; None where there is none. Asked by
-        `roll_out_positions`."""
+        """Roll out by the twin of `step` in compiled kernels, for `roll_out_positions`; None where there is none."""
         return None
 
-    def held(self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float) -> Motion:
-        """What comes of `hold` for up to n steps of `dt` [s], each of which brakes to a wanted velocity [m/s].
+    def roll_out_hold(self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float) -> Motion:
+        """Roll out `hold` for up to n steps of `dt` [s], each of which brakes to a wanted velocity [m/s].
 
         It ends as soon as rest is wanted and the robot is slower than `rest` [m/s].
         """
@@ -173,11 +172,11 @@ class Robot(ABC):
     def compiled_hold(
         self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float
     ) -> Motion | None:
-        """The same by compiled twins of `hold` and `step`; None where there are none. Asked by `held`."""
+        """Roll out by compiled twins of `hold` and `step`, for `roll_out_hold`; None where there are none."""
         return None
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
-        """What a motion asks of each of the `bounds`, over time."""
+        """Compute the demands of a motion on each of the `bounds`, over time."""
         return {}
 
     def check_ends(self, start: RigidState, goal: RigidState) -> None:
@@ -185,35 +184,36 @@ class Robot(ABC):
         return
 
     def settled(self, state: RigidState, before: RigidState) -> RigidState:
-        """The nearest state that the robot can be in after `before`, wherever noise or an estimate puts it.
+        """Project a state to the nearest one that the robot can have after `before`, wherever noise or an estimate puts
+        it.
 
         Any state by default.
         """
         return state
 
     def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
-        """How far a motion strays to where it is not well defined; 0 for robots that have no such place.
+        """Penalise motions that are not well defined; 0 for robots without such motions.
 
         A smooth penalty without units, summed over the steps; planners weigh it and add it to their cost.
         """
         return motion.actions.new_zeros(motion.actions.shape[:-2])
 
     def most(self, name: str) -> float | None:
-        """The upper bound of that name, such as "speed"; None where there is none."""
+        """Return the upper bound of a name, such as "speed"; None where there is none."""
         return next((bound.upper for bound in self.bounds if bound.name == name), None)
 
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
-        """By how much each of the free numbers may change before the motion is quite another one; 1 by default."""
+        """Return the changes of the free numbers that change the motion much; 1 by default."""
         return torch.ones_like(free)
 
     def free_headings(self, count: int) -> slice:
-        """Which of so many free numbers turn the robot and do not move it; none by default."""
+        """Return the slice of the free numbers that turn the robot without moving it; empty by default."""
         return slice(count, count)
 
 
 @cache
 def keeps_compiled_map(robot: type[Robot]) -> bool:
-    """Whether a class moves as the class does that wrote the `compiled_map` which it has.
+    """Return True if a class moves as the class does that wrote its `compiled_map`.
 
     It does not when it, or a class between the two, overrides a method that the compiled twin stands for.
     """
@@ -226,3 +226,74 @@ def keeps_compiled_map(robot: type[Robot]) -> bool:
 
 def _is_method(part: object) -> bool:
     return callable(part) or isinstance(part, (staticmethod, classmethod, property))
+
+
+_TOLERANCE = 1e-3
+"""Share of a bound by which it may be exceeded unnoticed: penalties end a little beyond."""
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """Use of a limit by a motion."""
+
+    name: str
+    """Name of the limit."""
+    unit: str
+    """Unit of the demand."""
+    least: float
+    """Smallest value over the motion."""
+    most: float
+    """Largest value over the motion."""
+    lower: float | None
+    """Smallest value allowed; None where nothing is too small."""
+    upper: float | None
+    """Largest value allowed; None where nothing is too large."""
+
+    @property
+    def violated(self) -> bool:
+        """Return True if the motion leaves the allowed range."""
+        span = _TOLERANCE * max(abs(self.lower or 0.0), abs(self.upper or 0.0))
+        below = self.lower is not None and self.least < self.lower - span
+        return below or (self.upper is not None and self.most > self.upper + span)
+
+
+def limit_uses(robot: Robot, motion: Motion) -> tuple[LimitUse, ...]:
+    """Compute the use of each of the robot's bounds by one motion."""
+    demands = robot.demands(motion)
+    return tuple(
+        LimitUse(
+            bound.name,
+            bound.unit,
+            demands[bound.name].min().item(),
+            demands[bound.name].max().item(),
+            bound.lower,
+            bound.upper,
+        )
+        for bound in robot.bounds
+    )
+
+
+def penalty(robot: Robot, motion: Motion) -> Float[Tensor, "*batch"]:
+    """Sum the squared excess over each bound, as a share of the bound, over bounds and steps; 0 within them.
+
+    Smooth to the first derivative, so that any planner can weigh it.
+    """
+    total = motion.actions.new_zeros(motion.actions.shape[:-2])
+    for bound in robot.bounds:
+        demands = robot.demands(motion)[bound.name]
+        scale = max(abs(edge) for edge in (bound.lower, bound.upper) if edge is not None)
+        if bound.upper is not None:
+            total = total + ((demands - bound.upper) / scale).clamp_min(0).square().sum(-1)
+        if bound.lower is not None:
+            total = total + ((bound.lower - demands) / scale).clamp_min(0).square().sum(-1)
+    return total
+
+
+def speed(motion: Motion) -> Float[Tensor, "*batch times"]:
+    """Compute |v| at each time [m/s]."""
+    return length(motion.states.velocity)
+
+
+def length(vectors: Float[Tensor, "*batch k"]) -> Float[Tensor, "*batch"]:
+    """Compute the Euclidean length with a finite derivative at zero."""
+    return torch.sqrt(vectors.square().sum(-1) + 1e-16)

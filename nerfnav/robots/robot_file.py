@@ -15,7 +15,6 @@ with 1 / L, body rates with 1 / sqrt(L)). The camera stands at `position` [m] in
 `pitch` [rad] downwards; `fov` is its horizontal field of view [degrees].
 """
 
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -36,7 +35,7 @@ from nerfnav.robots.robot import CAMERA, Robot
 
 
 class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
-    """What `camera` may hold in a robot's file."""
+    """Entry `camera` of a robot's file."""
 
     position: Vector = (0.0, 0.0, 0.0)
     pitch: float = 0.0
@@ -46,13 +45,15 @@ class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
     file: str | None = None
 
 
-def seen_with(robot: Robot, told: CameraFile | None, folder: Path) -> Robot:
-    """The robot with the camera of its file, which lies in `folder`. Raises InvalidInputError if it is none."""
-    return robot if told is None else robot.with_camera(_camera_of(told, folder), mount_of(told.position, told.pitch))
+def give_camera(robot: Robot, entry: CameraFile | None, folder: Path) -> Robot:
+    """Give a robot the camera of its file, which lies in `folder`. Raises InvalidInputError for an invalid one."""
+    if entry is None:
+        return robot
+    return robot.with_camera(_camera_of(entry, folder), mount_of(entry.position, entry.pitch))
 
 
 def mount_of(position: Vector, pitch: float) -> Pose:
-    """T_body_camera of a camera at `position` [m] in the body that looks ahead, `pitch` [rad] downwards."""
+    """Compute T_body_camera of a camera at `position` [m] in the body that looks ahead, `pitch` [rad] downwards."""
     if not all(map(math.isfinite, position)) or not abs(pitch) <= math.pi / 2:
         raise InvalidInputError(
             f"a camera looks at most pi/2 = 1.57 rad downwards or upwards, not {pitch:g}, from a finite position"
@@ -61,18 +62,18 @@ def mount_of(position: Vector, pitch: float) -> Pose:
     return Pose(downwards @ FORWARD_MOUNT.rotation, torch.tensor(position))
 
 
-def _camera_of(told: CameraFile, folder: Path) -> Camera:
-    if told.file is not None:
-        if (told.width, told.height) != (None, None):
+def _camera_of(entry: CameraFile, folder: Path) -> Camera:
+    if entry.file is not None:
+        if (entry.width, entry.height) != (None, None):
             raise InvalidInputError("a camera's size is in its calibration: leave out width and height beside `file`")
-        return read_camera(folder / told.file)
-    return Camera.from_fov(told.width or CAMERA.width, told.height or CAMERA.height, told.fov)
+        return read_camera(folder / entry.file)
+    return Camera.from_fov(entry.width or CAMERA.width, entry.height or CAMERA.height, entry.fov)
 
 
 Kind = Literal["quadrotor", "couch", "diffdrive", "handheld"]
-"""How a robot moves."""
+"""Kind of a robot's motion."""
 SUFFIXES = (".yaml", ".yml")
-"""How the names of robots' files end."""
+"""Suffixes of robots' files."""
 LIMITS = {
     "quadrotor": {
         "thrust": "max_thrust",
@@ -89,7 +90,7 @@ LIMITS = {
 
 
 class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
-    """What a robot's file may hold."""
+    """Robot's file: kind, body, constants, limits and camera."""
 
     name: str
     kind: Kind
@@ -99,22 +100,22 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
     inertia: Vector | None = None
     """Diagonal of J [kg m^2]; quadrotors have one."""
     limits: dict[str, float] = {}
-    """What it can do at most."""
+    """Limits of the robot."""
     camera: CameraFile | None = None
-    """What it sees with; left out: 200 x 200 pixels, 90 degrees, ahead."""
+    """Camera of the robot; left out: 200 x 200 pixels, 90 degrees, ahead."""
 
 
 def read_robot(path: Path) -> Robot:
-    """The robot that a file describes. Raises InvalidInputError for one that cannot be read, or cannot be."""
-    told = decode_robot_file(path)
+    """Read the robot of a file. Raises InvalidInputError for one that cannot be read, or is impossible."""
+    entry = decode_robot_file(path)
     try:
-        return robot_of(told, path.parent)
+        return robot_of(entry, path.parent)
     except InvalidInputError as error:
         raise InvalidInputError(f"{path}: {error}") from error
 
 
 def decode_robot_file(path: Path) -> RobotFile:
-    """What a file says, whether there can be such a robot or not. Raises InvalidInputError for one that is none."""
+    """Decode a robot's file, without a check of the robot. Raises InvalidInputError for a file of another kind."""
     try:
         return msgspec.yaml.decode(path.read_bytes(), type=RobotFile, strict=False)  # "1e-3" is a number, too
     except FileNotFoundError as error:
@@ -123,29 +124,29 @@ def decode_robot_file(path: Path) -> RobotFile:
         raise InvalidInputError(f"{path} is no robot file: {' '.join(str(error).replace('`', '').split())}") from error
 
 
-def robot_of(told: RobotFile, folder: Path) -> Robot:
-    """Raises InvalidInputError for a robot that cannot be; `folder` is where its meshes lie."""
-    if not told.name.strip():
+def robot_of(entry: RobotFile, folder: Path) -> Robot:
+    """Make the robot of a file; its meshes lie in `folder`. Raises InvalidInputError for an impossible one."""
+    if not entry.name.strip():
         raise InvalidInputError("a robot needs a name")
-    body, counts = body_of(told.body, folder)
-    known = {"name": told.name, "extents": body.extents, "point_counts": counts}
-    robot = _MAKERS[told.kind](told, known)
-    return seen_with(robot.with_body(body), told.camera, folder)
+    body, counts = body_of(entry.body, folder)
+    shared = {"name": entry.name, "extents": body.extents, "point_counts": counts}
+    robot = _MAKERS[entry.kind](entry, shared)
+    return give_camera(robot.with_body(body), entry.camera, folder)
 
 
-def _quadrotor(told: RobotFile, known: dict[str, Any]) -> Robot:
-    usual, mass = QuadrotorConfig(), _above_zero("mass", told.mass)
-    larger = math.dist(known["extents"], (0, 0, 0)) / math.dist(usual.extents, (0, 0, 0))
-    inertia = _inertia_of_box(mass, known["extents"]) if told.inertia is None else told.inertia
+def _quadrotor(entry: RobotFile, shared: dict[str, Any]) -> Robot:
+    usual, mass = QuadrotorConfig(), _above_zero("mass", entry.mass)
+    larger = math.dist(shared["extents"], (0, 0, 0)) / math.dist(usual.extents, (0, 0, 0))
+    inertia = _inertia_of_box(mass, shared["extents"]) if entry.inertia is None else entry.inertia
     _check_inertia(inertia)
     limits = _limits(
-        told,
+        entry,
         usual,
         thrust=usual.max_thrust / usual.weight * mass * usual.gravity,
         body_rate=usual.max_rate / math.sqrt(larger),
         angular_acceleration=usual.angular_acceleration / larger,
     )
-    config = QuadrotorConfig(mass=mass, inertia=inertia, **limits, **known)
+    config = QuadrotorConfig(mass=mass, inertia=inertia, **limits, **shared)
     if config.max_thrust <= config.weight:
         raise InvalidInputError(
             f"a thrust of {config.max_thrust:g} N does not lift {mass:g} kg: more than {config.weight:.3g} N are needed"
@@ -155,22 +156,22 @@ def _quadrotor(told: RobotFile, known: dict[str, Any]) -> Robot:
     return Quadrotor(config)
 
 
-def _couch(told: RobotFile, known: dict[str, Any]) -> Robot:
-    _refuse(told, "inertia")
-    usual, mass = CouchConfig(), _above_zero("mass", told.mass)
-    limits = _limits(told, usual, force=usual.max_force / usual.mass * mass)
-    return Couch(CouchConfig(mass=mass, **limits, **known))
+def _couch(entry: RobotFile, shared: dict[str, Any]) -> Robot:
+    _refuse(entry, "inertia")
+    usual, mass = CouchConfig(), _above_zero("mass", entry.mass)
+    limits = _limits(entry, usual, force=usual.max_force / usual.mass * mass)
+    return Couch(CouchConfig(mass=mass, **limits, **shared))
 
 
-def _diffdrive(told: RobotFile, known: dict[str, Any]) -> Robot:
-    _refuse(told, "mass", "inertia")
-    return DiffDrive(DiffDriveConfig(**_limits(told, DiffDriveConfig()), **known))
+def _diffdrive(entry: RobotFile, shared: dict[str, Any]) -> Robot:
+    _refuse(entry, "mass", "inertia")
+    return DiffDrive(DiffDriveConfig(**_limits(entry, DiffDriveConfig()), **shared))
 
 
-def _handheld(told: RobotFile, known: dict[str, Any]) -> Robot:
-    _refuse(told, "mass", "inertia")
-    _limits(told, None)
-    return HandHeld(told.name)
+def _handheld(entry: RobotFile, shared: dict[str, Any]) -> Robot:
+    _refuse(entry, "mass", "inertia")
+    _limits(entry, None)
+    return HandHeld(entry.name)
 
 
 _MAKERS: dict[str, Callable[[RobotFile, dict[str, Any]], Robot]] = {
@@ -178,21 +179,21 @@ _MAKERS: dict[str, Callable[[RobotFile, dict[str, Any]], Robot]] = {
 }  # fmt: skip
 
 
-def _limits(told: RobotFile, usual: Any, **scaled: float) -> dict[str, float]:
-    """The limits that were given, else those `scaled` to its size, else the usual ones; named as configurations do."""
-    named = LIMITS[told.kind]
-    unknown = told.limits.keys() - named
+def _limits(entry: RobotFile, usual: Any, **scaled: float) -> dict[str, float]:
+    """Collect the given limits, else those `scaled` to its size, else the usual ones; named as in configurations."""
+    named = LIMITS[entry.kind]
+    unknown = entry.limits.keys() - named
     if unknown:
         known = ", ".join(named) or "none"
-        raise InvalidInputError(f"a {told.kind} has no limit {sorted(unknown)[0]!r}; it has {known}")
+        raise InvalidInputError(f"a {entry.kind} has no limit {sorted(unknown)[0]!r}; it has {known}")
     left_out = {name: getattr(usual, attribute) for name, attribute in named.items()} | scaled
-    return {named[name]: _above_zero(name, told.limits.get(name, value)) for name, value in left_out.items()}
+    return {named[name]: _above_zero(name, entry.limits.get(name, value)) for name, value in left_out.items()}
 
 
-def _refuse(told: RobotFile, *names: str) -> None:
+def _refuse(entry: RobotFile, *names: str) -> None:
     for name in names:
-        if getattr(told, name) is not None:
-            raise InvalidInputError(f"a {told.kind} moves without {name}: leave it out")
+        if getattr(entry, name) is not None:
+            raise InvalidInputError(f"a {entry.kind} moves without {name}: leave it out")
 
 
 def _above_zero(name: str, value: float | None) -> float:
@@ -204,7 +205,7 @@ def _above_zero(name: str, value: float | None) -> float:
 
 
 def _check_inertia(inertia: Vector) -> None:
-    """No mass distribution has a moment that is larger than the sum of the two others."""
+    """Refuse moments of which one is larger than the sum of the two others: no mass distribution has them."""
     for moment in inertia:
         _above_zero("inertia", moment)
     if 2 * max(inertia) > sum(inertia) * (1 + 1e-9):

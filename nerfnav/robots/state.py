@@ -17,7 +17,7 @@ from nerfnav.geometry import Pose, so3
 TANGENT = 12
 """Length of a tangent vector of RigidState."""
 POSITION, VELOCITY, ATTITUDE, BODY_RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-"""Where the parts stand in a tangent vector."""
+"""Slices of the parts in a tangent vector."""
 
 
 @dataclass(frozen=True)
@@ -35,23 +35,24 @@ class RigidState(TensorStruct):
 
     @classmethod
     def at_rest(cls, position: tuple[float, float, float], yaw: float = 0.0) -> "RigidState":
-        """A level state without motion at `position` [m], heading `yaw` [rad]."""
+        """Make a level state without motion at `position` [m], heading `yaw` [rad]."""
         zero = torch.zeros(3)
         return cls(torch.tensor(position, dtype=torch.float32), zero, so3.from_yaw(torch.tensor(float(yaw))), zero)
 
     @property
     def pose(self) -> Pose:
-        """T_world_body."""
+        """Return the pose T_world_body."""
         return Pose(self.rotation, self.position)
 
     def moved_to(self, pose: Pose) -> "RigidState":
-        """The same body at another pose T_world_body, moving on in its own axes: R^T v and w stay as they are."""
+        """Move the body to another pose T_world_body; its motion stays in its own axes: R^T v and w stay as they
+        are."""
         turn_world = pose.rotation @ self.rotation.transpose(-1, -2)
         velocity_world = (turn_world @ self.velocity[..., None])[..., 0]
         return RigidState(pose.position, velocity_world, pose.rotation, self.body_rate)
 
     def retract(self, tangent: Float[Tensor, "*batch 12"]) -> "RigidState":
-        """x (+) tangent."""
+        """Compute x (+) tangent."""
         return RigidState(
             self.position + tangent[..., POSITION],
             self.velocity + tangent[..., VELOCITY],
@@ -60,7 +61,7 @@ class RigidState(TensorStruct):
         )
 
     def local(self, other: "RigidState") -> Float[Tensor, "*batch 12"]:
-        """other (-) x: the tangent d at this state with x (+) d = other."""
+        """Compute other (-) x: the tangent d at this state with x (+) d = other."""
         return torch.cat(
             [
                 other.position - self.position,
@@ -84,5 +85,5 @@ class Motion(TensorStruct):
     """Length of a step [s]."""
 
     def left_after(self, steps: int) -> "Motion":
-        """What is left of one motion after so many of its steps."""
+        """Return the rest of one motion after so many of its steps."""
         return Motion(self.states[steps:], self.actions[steps:], self.dt)

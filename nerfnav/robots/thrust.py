@@ -1,4 +1,4 @@
-"""Attitudes of a body that is pushed along its own z axis."""
+"""Attitude of a body that is pushed along its own z axis."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from torch import Tensor
 from nerfnav.robots.state import RigidState
 
 Wish = Callable[[RigidState, int], tuple[Float[Tensor, "3"], Float[Tensor, "3 3"]]]
-"""The force that a controller wants of a state so many steps from now [N], and the attitude with which to give it."""
+"""Function of a state and a number of steps from now to the wanted force [N] and attitude of a controller."""
 _NO_THRUST = 1e-4
 """Acceleration by thrust [m/s^2] below which it has no direction to speak of."""
 
@@ -17,7 +17,7 @@ _NO_THRUST = 1e-4
 def thrust_and_attitude(
     pull: Float[Tensor, "*batch 3"], yaw: Float[Tensor, "*batch"]
 ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3 3"]]:
-    """|a| [m/s^2] and the attitude R = Tilt(a / |a|) Rz(yaw), where Tilt turns e3 the shortest way.
+    """Compute |a| [m/s^2] and the attitude R = Tilt(a / |a|) Rz(yaw), where Tilt turns e3 the shortest way.
 
     Singular only upside down (Watterson and Kumar, "Control of quadrotors using the Hopf fibration on SO(3)", 2020),
     whereas the usual cross products with a heading are singular at 90 degrees of pitch.
@@ -40,16 +40,16 @@ def thrust_and_attitude(
 
 
 def tipped(rotation: Float[Tensor, "3 3"], force: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
-    """The nearest attitude whose z axis points along a force: no turn about that axis."""
+    """Tilt an attitude to the nearest one whose z axis points along a force: no turn about that axis."""
     _, turn = thrust_and_attitude(rotation.T @ force, torch.zeros(()).to(force))
     return rotation @ turn
 
 
 def upward(force: Float[Tensor, "3"], least: float) -> Float[Tensor, "3"]:
-    """A force whose vertical part is at least so much [N]: who gives it does not turn over."""
+    """Raise the vertical part of a force to at least so much [N], so that the robot does not turn over."""
     return torch.cat([force[:2], force[2:].clamp_min(least)])
 
 
 def shortened(vector: Float[Tensor, "3"], most: float) -> Float[Tensor, "3"]:
-    """A vector of the same direction that is no longer than `most`."""
+    """Shorten a vector to `most` at most."""
     return vector * (most / vector.norm().clamp_min(most))

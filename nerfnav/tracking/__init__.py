@@ -1,5 +1,5 @@
 """Tracking: where a camera was while it took pictures, from the field alone."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -1,11 +1,11 @@
 from .frame import Frame as Frame
 from .frame import FrameSource as FrameSource
 from .frame import ImuMeasurements as ImuMeasurements
+from .frame import TrackedFrame as TrackedFrame
+from .frame import TrackStatus as TrackStatus
 from .motions import InertialMotion as InertialMotion
 from .sources.registry import SourceOptions as SourceOptions
 from .sources.registry import open_source as open_source
 from .sources.ros_bag import decode_image_message as decode_image_message
-from .tracked_frame import TrackedFrame as TrackedFrame
-from .tracked_frame import TrackStatus as TrackStatus
 from .tracker import Tracker as Tracker
 from .tracker_config import TrackerConfig as TrackerConfig

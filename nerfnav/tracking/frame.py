@@ -1,7 +1,8 @@
-"""Frames and inertial measurements, each with its time, and the protocol of their sources."""
+"""Frame: picture and time of exposure; inertial measurements, the protocol of sources, and the result of tracking."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -10,20 +11,22 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera, Pose
+from nerfnav.estimator import Belief
+from nerfnav.estimator.core.belief import POSE
+from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.inertial import ImuNoise
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture and when it was taken."""
+    """Picture with its time."""
 
     time: float
-    """Of its exposure [s], on the source's own clock."""
+    """Time of the exposure [s], on the source's own clock."""
     picture: UInt8[Tensor, "height width 3"]
-    """What was seen: RGB, upright as the sensor gives it."""
+    """RGB, upright as the sensor gives it."""
     name: str
-    """What the source calls it: a file's name, or "frame 12"."""
+    """Name in the source: that of a file, or "frame 12"."""
 
     def require_after(self, before: float | None) -> None:
         """Raise InvalidInputError where the frame before it, if any, was not taken `before` it [s]."""
@@ -39,27 +42,27 @@ class ImuMeasurements:
     """Measurements of an inertial measurement unit, oldest first."""
 
     times: Float[Tensor, " n"]
-    """When they were taken [s], float64, on the clock of the frames."""
+    """Times [s], float64, on the clock of the frames."""
     body_rates: Float[Tensor, "n 3"]
-    """What the gyroscope said [rad/s], in its own axes."""
+    """Gyroscope [rad/s], in its own axes."""
     specific_forces: Float[Tensor, "n 3"]
-    """What the accelerometer said: acceleration less gravity [m/s^2], in its own axes."""
+    """Accelerometer: acceleration less gravity [m/s^2], in its own axes."""
     mount: Pose | None = None
-    """T_imu_camera, the camera OpenGL, where the source says so."""
+    """T_imu_camera, the camera OpenGL; None where the source does not give it."""
     noise: ImuNoise = field(default_factory=ImuNoise)
-    """Of the unit, as far as the source says."""
+    """Noise of the unit, as far as the source gives it."""
 
     def finite(self, source: str) -> "ImuMeasurements":
-        """Itself. Raises InvalidInputError, which names the source, where a number is not finite."""
+        """Return itself. Raises InvalidInputError, which names the source, for a number that is not finite."""
         if not all(part.isfinite().all() for part in (self.times, self.body_rates, self.specific_forces)):
             raise InvalidInputError(f"{source} has measurements that are no finite numbers")
         return self
 
 
 def mount_of(matrix: np.ndarray) -> Pose:
-    """The mount of a camera that a matrix (4, 4) tells in the usual axes of cameras: x right, y down, z ahead."""
-    told = torch.from_numpy(np.ascontiguousarray(matrix, dtype=np.float64))
-    return Pose((told[:3, :3] * torch.tensor([1.0, -1.0, -1.0])).float(), told[:3, 3].float())
+    """Convert a matrix (4, 4) in the usual axes of cameras (x right, y down, z ahead) to a mount."""
+    given = torch.from_numpy(np.ascontiguousarray(matrix, dtype=np.float64))
+    return Pose((given[:3, :3] * torch.tensor([1.0, -1.0, -1.0])).float(), given[:3, 3].float())
 
 
 @runtime_checkable
@@ -68,19 +71,82 @@ class FrameSource(Protocol):
 
     @property
     def camera(self) -> Camera | None:
-        """What took them, where the source says so."""
+        """Camera of the pictures; None where the source does not describe it."""
         ...
 
     @property
     def inertial(self) -> ImuMeasurements | None:
-        """What an inertial measurement unit said meanwhile, where there was one."""
+        """Inertial measurements of the same time, if any."""
         ...
 
     @property
     def count(self) -> int | None:
-        """How many frames there are, where that is known before they are read."""
+        """Number of frames; None where it is unknown before they are read."""
         ...
 
     def frames(self) -> Iterator[Frame]:
-        """Each frame. Raises InvalidInputError where one cannot be read, or where time runs backwards."""
+        """Yield each frame. Raises InvalidInputError where one cannot be read, or where time runs backwards."""
         ...
+
+
+class TrackStatus(Enum):
+    """Status of a frame; the value is the user's text."""
+
+    SEARCHING = "nothing is known yet: no one place looks like the picture"
+    FOUND = "found by global localization"
+    FOLLOWED = "followed by the picture"
+    PREDICTED = "the picture said nothing or disagreed: the motion model alone leads"
+    LOST = "the track is lost: pictures disagree, and no one place looks like them"
+    FOUND_AGAIN = "the track was lost, and found again by looking everywhere"
+
+    @property
+    def knows(self) -> bool:
+        """True where there is a pose."""
+        return self not in (TrackStatus.SEARCHING, TrackStatus.LOST)
+
+    @property
+    def updated(self) -> bool:
+        """True where the frame's own picture gave the pose."""
+        return self in (TrackStatus.FOUND, TrackStatus.FOLLOWED, TrackStatus.FOUND_AGAIN)
+
+
+@dataclass(frozen=True)
+class TrackedFrame:
+    """Pose of the camera at the time of a frame, with its covariance."""
+
+    time: float
+    """Time of the frame [s]."""
+    name: str
+    """Name of the frame."""
+    status: TrackStatus
+    """Status of the frame."""
+    belief: Belief | None
+    """State of the camera's carrier in the field's frame; None while nothing is known."""
+    mount: Pose
+    """T_body_camera."""
+    ms: float
+    """Computing time [ms]."""
+    difference: float | None = None
+    """Robust root mean square of the colours' differences between picture and field, in [0, 1]; None where none were
+    compared."""
+
+    @property
+    def pose(self) -> Pose | None:
+        """T_world_camera, the world being the field's frame and the camera OpenGL; None while nothing is known."""
+        return None if self.belief is None else self.belief.mean.pose.compose(self.mount)
+
+    @property
+    def covariance(self) -> Float[Tensor, "6 6"] | None:
+        """Of `pose`: position [m], then a turn [rad], both about the field's fixed axes (REP 103); None with it.
+
+        The body's tangent is (dp, dtheta), R Exp(dtheta); a camera at p + R m moves by dp - (R m) x (R dtheta).
+        """
+        if self.belief is None:
+            return None
+        rotation = self.belief.mean.rotation.double()
+        change = torch.zeros(6, 6, dtype=torch.float64)
+        change[:3, :3] = torch.eye(3)
+        change[3:, 3:] = rotation
+        change[:3, 3:] = -so3.hat(rotation @ self.mount.position.double()) @ rotation
+        covariance = self.belief.covariance.double()[POSE][:, POSE]
+        return change @ covariance @ change.T

@@ -16,60 +16,54 @@ from nerfnav.tracking.tracker_config import TrackerConfig
 
 
 class CarrierMotion(Protocol):
-    """What predicts."""
+    """Motion model that predicts between pictures."""
 
-    def predict(
-        self, belief: Belief, times: tuple[float, float], action: Tensor | None
-    ) -> tuple[Belief, ProcessNoise]:
-        """The belief at the second of two times [s], from that at the first; and the process noise that is in it."""
+    def predict(self, belief: Belief, times: tuple[float, float], action: Tensor | None) -> tuple[Belief, ProcessNoise]:
+        """Predict from the first of two times [s] to the second; returns also the process noise in it."""
         ...
 
     def corrected(self, prediction: Belief, posterior: Belief) -> None:
-        """A picture has been held against a prediction of the last time, perhaps made less sure."""
+        """Learn from a picture that corrected the last prediction, perhaps a wider one."""
         ...
 
     def forget(self) -> None:
-        """Know nothing again."""
+        """Reset what was learned."""
         ...
 
 
 @dataclass(frozen=True)
 class ModelMotion:
-    """A robot's dynamics; what they do not say is random acceleration."""
+    """Dynamics of a robot, plus random acceleration."""
 
     robot: Robot
-    """What carries the camera."""
+    """Carrier of the camera."""
     config: TrackerConfig
     """In metres: see `TrackerConfig.in_place`."""
 
-    def predict(
-        self, belief: Belief, times: tuple[float, float], action: Tensor | None
-    ) -> tuple[Belief, ProcessNoise]:
-        """See CarrierMotion."""
+    def predict(self, belief: Belief, times: tuple[float, float], action: Tensor | None) -> tuple[Belief, ProcessNoise]:
+        """Predict by the dynamics; see CarrierMotion."""
         dt = times[1] - times[0]
         noise = RandomAcceleration(dt, self.config.linear, self.config.angular)
         action = self.robot.hold(belief.mean, dt) if action is None else action
         return predict(belief, action, self.robot, dt, noise), noise
 
     def corrected(self, prediction: Belief, posterior: Belief) -> None:
-        """There is nothing to learn from it."""
+        """Learn nothing: the dynamics are fixed."""
 
     def forget(self) -> None:
-        """There is nothing to forget."""
+        """Reset nothing: the dynamics are fixed."""
 
 
 class InertialMotion:
-    """An inertial measurement unit whose biases, and gravity, are learned on the way (inertial_motion.py)."""
+    """Inertial measurement unit whose biases, and gravity, are estimated on the way (inertial_motion.py)."""
 
     def __init__(self, inertial: ImuMeasurements, config: ImuConfig | None = None) -> None:
-        """Nothing is known of its biases; by default it is as noisy as its source says."""
-        self.inertial, self.config = inertial, ImuConfig().told(inertial.noise) if config is None else config
+        """Begin without biases; the default noise is that of the source."""
+        self.inertial, self.config = inertial, ImuConfig().for_unit(inertial.noise) if config is None else config
         self.forget()
 
-    def predict(
-        self, belief: Belief, times: tuple[float, float], action: Tensor | None
-    ) -> tuple[Belief, ProcessNoise]:
-        """See CarrierMotion; the action is in what is measured. Raises InvalidInputError for times not measured."""
+    def predict(self, belief: Belief, times: tuple[float, float], action: Tensor | None) -> tuple[Belief, ProcessNoise]:
+        """Predict by the measurements, which hold the action. Raises InvalidInputError for times without them."""
         last = self.last
         if last is None:
             last = inertial_motion.InertialBelief.begin(belief, self.config)
@@ -80,12 +74,12 @@ class InertialMotion:
         return self.last.belief, MeasuredNoise(noise.to(belief.covariance))
 
     def corrected(self, prediction: Belief, posterior: Belief) -> None:
-        """See CarrierMotion: what is known of the biases follows."""
+        """Correct the biases by regression; see CarrierMotion."""
         assert self.last is not None, "what is corrected was predicted"
         self.last = self.last.corrected(posterior, prediction)
 
     def forget(self) -> None:
-        """See CarrierMotion."""
+        """Reset the biases; see CarrierMotion."""
         self.last: inertial_motion.InertialBelief | None = None
 
     def check(self, time: float) -> None:

@@ -18,7 +18,7 @@ _LEVELS = 2 / 255
 
 @dataclass(frozen=True)
 class PhotometricConsistency:
-    """How a picture's colours, where they were compared, agree with the field's."""
+    """Agreement of a picture's compared colours with the field's."""
 
     difference: float
     """Robust root mean square of their differences, in [0, 1]."""
@@ -28,22 +28,22 @@ class PhotometricConsistency:
 
     @classmethod
     def of(cls, step: FilterStep, picture: UInt8[Tensor, "height width 3"]) -> "PhotometricConsistency | None":
-        """At the end of an update; None where nothing was compared."""
+        """Compute it at the end of an update; None where nothing was compared."""
         if not len(step.residual):
             return None
         colors = picture[step.pixels[:, 1], step.pixels[:, 0]].float() / 255
-        told, left = _square(difference(colors - colors.mean(0))), _square(step.residual)
-        return cls(left**0.5, left / max(told, _LEVELS**2))
+        variance, left = _square(difference(colors - colors.mean(0))), _square(step.residual)
+        return cls(left**0.5, left / max(variance, _LEVELS**2))
 
 
 @dataclass
 class UsualDifference:
-    """How far pictures differ from a field where the pose is right: no more than held-out photographs did."""
+    """Usual difference of pictures and field at the right pose: at most that of held-out photographs."""
 
-    told: float
-    """What those did: a standard deviation."""
+    most: float
+    """Difference of held-out photographs: a standard deviation."""
     remembered: int
-    """Pictures that tell it."""
+    """Pictures of which the median is taken."""
     _last: deque[float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -51,16 +51,16 @@ class UsualDifference:
 
     @property
     def difference(self) -> float:
-        """Of the last pictures, in the middle."""
-        return min(self.told, max(_LEVELS, float(np.median(self._last)))) if self._last else self.told
+        """Median of the last pictures."""
+        return min(self.most, max(_LEVELS, float(np.median(self._last)))) if self._last else self.most
 
     def add(self, difference: float) -> None:
-        """One more, at a pose that is right."""
+        """Add a picture at a pose that is right."""
         self._last.append(difference)
 
-    def begin_anew(self, difference: float) -> None:
-        """From here on the field looks otherwise, near to what it shows blurred, say: this much is right."""
-        self.told = max(self.told, difference)
+    def restart(self, difference: float) -> None:
+        """Take this difference as right from here on: the field looks otherwise, blurred from near, say."""
+        self.most = max(self.most, difference)
         self._last.clear()
         self.add(difference)
 

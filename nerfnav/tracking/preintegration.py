@@ -24,7 +24,7 @@ from nerfnav.tracking.frame import ImuMeasurements
 def preintegrate(
     inertial: ImuMeasurements, start: float, end: float, biases: Float[Tensor, "6"], config: ImuConfig
 ) -> Preintegrated:
-    """Integrate from a time [s] to another; what is measured changes linearly in between.
+    """Integrate from a time [s] to another; measurements change linearly in between.
 
     Raises InvalidInputError where measurements are missing for longer than `longest_gap`.
     """
@@ -47,8 +47,10 @@ def preintegrate(
 
 
 def _turns(rate: Tensor, force: Tensor, dt: Float[Tensor, " n"]) -> tuple[np.ndarray, ...]:
-    """What steps need, all at once (n, 3, 3): half turns and turns, their right Jacobians, and hats of the forces, in
-    the middle and at the beginning."""
+    """Return the matrices of all steps (n, 3, 3).
+
+    Half turns and turns, their right Jacobians, and hats of the forces, in the middle and at the beginning.
+    """
     turn = rate * dt[:, None]
     half = so3.exp(0.5 * turn)
     begun = so3.hat((half @ force[..., None])[..., 0])
@@ -73,7 +75,7 @@ def _slopes(rotation: np.ndarray, parts: list[np.ndarray], dt: float) -> tuple[n
 
 
 def _between(inertial: ImuMeasurements, start: float, end: float, longest: float) -> tuple[Tensor, Tensor, Tensor]:
-    """Times from `start` to `end`, and what was measured then."""
+    """Return times from `start` to `end`, and the measurements then."""
     if not end > start:
         raise InvalidInputError(f"motion is measured from one time to a later one, not from {start:g} s to {end:g} s")
     inside = (inertial.times > start) & (inertial.times < end)

@@ -11,12 +11,12 @@ from nerfnav.robots import StateNoise
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """How a camera is tracked."""
+    """Options of a tracker."""
 
     filter: FilterConfig = dataclass_field(default_factory=FilterConfig)
-    """What a posterior is made of; its process noise is not used, and pixels and descents only without `align`."""
+    """Options of the posterior; its process noise is not used, and pixels and descents only without `align`."""
     align: AlignConfig | None = dataclass_field(default_factory=AlignConfig)
-    """How they are laid over what the field shows; None: they are not, the filter of flights
+    """Alignment with renderings of the field; None: no alignment, the filter of flights
     (estimator/gauss_newton/fast_filter.py) is taken, which goes further astray in fields of photographs, but follows
     more abrupt motion in rendered ones."""
     search: RelocaliseConfig = dataclass_field(
@@ -28,9 +28,9 @@ class TrackerConfig:
             gate=1.1,
         )
     )
-    """How it is looked for: sooner done than `localize`, and sooner in doubt, for the next picture comes soon."""
+    """Options of searches: sooner done than `localize`, and sooner in doubt, for the next picture comes soon."""
     floor: tuple[float, ...] = ()
-    """What does not average out, 6 x 6, see estimator/map_error.py; none: `filter.floor` alone."""
+    """Map error, 6 x 6 (see estimator/map_error.py); empty: `filter.floor` alone."""
     longest: int = 320
     """Larger pictures are made smaller until their longer edge has no more pixels than this: a field shows no more."""
     linear: float = 0.11
@@ -40,7 +40,7 @@ class TrackerConfig:
     angular: float = 0.6
     """The same of its turning [rad/s per sqrt(s)]."""
     found: StateNoise = dataclass_field(default_factory=lambda: StateNoise(0.008, 0.1, 0.03, 0.5))
-    """Spread of the belief after the camera was found, lengths in sizes."""
+    """Standard deviations of the belief after the camera was found, lengths in sizes."""
     around: StateNoise = dataclass_field(default_factory=lambda: StateNoise(0.03, 0.1, 0.1, 0.5))
     """A picture that fits badly is looked for as far around the prediction, lengths in sizes ..."""
     starts: int = 4
@@ -57,12 +57,12 @@ class TrackerConfig:
     """The place that is found ends the track where the picture differs so many times less there."""
     unexplained: float = 0.33
     """Where the field does not show this share of a picture's variance from anywhere around, the picture contradicts:
-    no pose is told until one is found that does (with `align` alone)."""
+    no pose is reported until one is found that does (with `align` alone)."""
     remembered: int = 30
-    """Pictures that tell how much they usually differ."""
+    """Pictures of which the usual difference is taken."""
 
     def for_field(self, info: FieldInfo) -> "TrackerConfig":
-        """The same with what was measured of a field."""
+        """Return the options with the measured properties of a field."""
         return replace(
             self,
             filter=self.filter.for_field(info),
@@ -71,7 +71,7 @@ class TrackerConfig:
         )
 
     def in_place(self, size: float) -> "TrackerConfig":
-        """The same with lengths in metres, for a place whose longest edge is `size` [m]."""
+        """Return the options with lengths in metres, for a place whose longest edge is `size` [m]."""
         found, around = (
             replace(noise, position_m=size * noise.position_m, velocity_mps=size * noise.velocity_mps)
             for noise in (self.found, self.around)

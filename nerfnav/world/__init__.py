@@ -1,5 +1,5 @@
 """Ground truth: meshes that places are made of, seen by cameras and touched by bodies."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -7,11 +7,11 @@ from .contact import judge as judge
 from .raycast import MeshRenderer as MeshRenderer
 from .raycast import RayCaster as RayCaster
 from .scene import Scene as Scene
-from .scene import Task as Task
 from .scene import Vantage as Vantage
-from .scene import moved_scene as moved_scene
+from .scene import move_scene as move_scene
 from .solid import Solid as Solid
 from .solid import winding_number as winding_number
 from .surface import Image as Image
 from .surface import Paint as Paint
+from .task import Task as Task
 from .vantage import guess_vantage as guess_vantage

@@ -1,6 +1,5 @@
 """Body volume: a robot's body as a manifold for exact booleans with solids, and as cells for all other meshes."""
 
-
 from functools import lru_cache
 
 import numpy as np
@@ -43,13 +42,13 @@ class BodyVolume:
 
     @property
     def cell_volume(self) -> float:
-        """What one cell stands for, so that all of them make up the body [m^3]."""
+        """Volume of one cell, so that all of them make up the body [m^3]."""
         return float(self.manifold.volume()) / len(self.middles)
 
     def crossed(
         self, surfaces: TriangleIndex, rotation: Float[np.ndarray, "3 3"], center: Vector
     ) -> Bool[np.ndarray, " m"]:
-        """Which cells of the body at x_world = rotation x + center a surface goes through."""
+        """Mark cells of the body at x_world = rotation x + center that a surface crosses."""
         crossed = np.zeros(len(self.middles), bool)
         corners = (surfaces.near(center, float(np.linalg.norm(self.half))) - center) @ rotation
         corners = corners[boxes_touch_triangles(corners, self.half)]

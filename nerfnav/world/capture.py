@@ -3,10 +3,9 @@
 Cameras stand in free space only: one inside a stone would teach a field that the stone is air.
 """
 
-
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
 import torch
@@ -27,7 +26,7 @@ FINE_VOXEL = 0.017
 
 @dataclass(frozen=True)
 class CaptureConfig:
-    """How many photographs are taken, of which size, and from where."""
+    """Number, size and viewpoints of the photographs."""
 
     images: int = 200
     """Number of photographs."""
@@ -48,7 +47,7 @@ class CaptureConfig:
     supersample: int = 2
     """Rays along each side of a pixel."""
     clear_voxels: float = 3.5
-    """A camera keeps so many voxels from surfaces: what is nearer, a field of such voxels cannot tell."""
+    """A camera keeps so many voxels from surfaces: a field of such voxels cannot resolve what is nearer."""
 
     def clear_of(self, voxel: float) -> "CaptureConfig":
         """The same for a place whose field has voxels of that size [m], small or large."""
@@ -59,11 +58,11 @@ class CaptureConfig:
         return self if scene.voxel is None or scene.voxel <= FINE_VOXEL else self.clear_of(scene.voxel)
 
 
-_GLANCE = 20  # pixels along a picture that is only asked how much it shows
+_COARSE = 20  # pixels along the picture that measures the share that is seen
 
 
 def is_free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:
-    """Whether a cube of half edge `clearance` [m] around each pose touches nothing."""
+    """Mark poses around which a cube of half edge `clearance` [m] touches nothing."""
     edge = 2 * clearance
     cube = Body.box((edge, edge, edge), (1, 1, 1))
     level = torch.eye(3).expand_as(poses.rotation)
@@ -72,9 +71,9 @@ def is_free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:
 
 
 def share_seen(renderer: MeshRenderer, poses: Pose, config: CaptureConfig) -> Float[Tensor, " n"]:
-    """The share of each picture that is not sky, from a coarse glance."""
+    """Share of each picture that is not sky, from a coarse picture."""
     camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
-    camera = camera.scaled(min(1.0, _GLANCE / config.width))
+    camera = camera.scaled(min(1.0, _COARSE / config.width))
     shares = [renderer.render(camera, poses[k]).depth.isfinite().float().mean() for k in range(len(poses.position))]
     return torch.stack(shares) if shares else torch.zeros(0)
 
@@ -94,9 +93,9 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
     """
     if config.images < 1:
         raise InvalidInputError(f"a capture needs at least 1 image, not {config.images}")
-    share = 1.0 if scene.vantage is Vantage.INSIDE else config.inside_share  # nobody looks through walls
+    share = 1.0 if scene.vantage is Vantage.INSIDE else config.inside_share  # walls hide the inside from outside
     inside = round(config.images * share)
-    glance, caster = MeshRenderer(scene), RayCaster(scene.mesh)
+    renderer, caster = MeshRenderer(scene), RayCaster(scene.mesh)
 
     def pick(count: int, propose: Callable[[int], Pose]) -> Pose:
         """So many poses, or as many as were found in a few rounds."""
@@ -108,7 +107,7 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
             proposed = propose(2 * missing)
             free = proposed[is_free(scene, proposed, config.clearance)]
             free = free[filter_vantage(caster, free.position, scene.vantage)]
-            kept.append(free[share_seen(glance, free, config) >= config.seen_share])
+            kept.append(free[share_seen(renderer, free, config) >= config.seen_share])
         return Pose.cat(kept)[:count]
 
     poses = pick(inside, lambda count: _within(scene.box, config.flight_band, count, generator))
@@ -146,22 +145,22 @@ def _around(box: Box, count: int, generator: torch.Generator) -> Pose:
 
 @dataclass(frozen=True)
 class CaptureStep:
-    """One photograph."""
+    """Progress of a capture: one photograph."""
 
     index: int
     """Counted from 0."""
     total: int
-    """How many there will be."""
+    """Number of photographs in all."""
     picture: Picture
     """The photograph."""
     pose: Pose
     """T_world_camera it was taken from."""
-    captured: PosedImages | None = None
-    """All photographs; set on the last step."""
 
 
-def capture(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> Iterator[CaptureStep]:
-    """Photograph a scene, one step for each photograph; the last step carries all of them."""
+def capture(
+    scene: Scene, config: CaptureConfig, generator: torch.Generator
+) -> Generator[CaptureStep, None, PosedImages]:
+    """Photograph a scene, one step for each photograph, and return all of them."""
     camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
     renderer = MeshRenderer(scene, supersample=config.supersample)
     poses = capture_poses(scene, config, generator)
@@ -170,9 +169,8 @@ def capture(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> 
         picture = renderer.render(camera, poses[index])
         images.append(picture.image)
         depths.append(picture.fine_depth)
-        last = index + 1 == config.images
-        captured = PosedImages(torch.stack(images), camera, poses, torch.stack(depths)) if last else None
-        yield CaptureStep(index, config.images, picture, poses[index], captured)
+        yield CaptureStep(index, config.images, picture, poses[index])
+    return PosedImages(torch.stack(images), camera, poses, torch.stack(depths))
 
 
 def photograph(renderer: MeshRenderer, camera: Camera, poses: Pose) -> PosedImages:
@@ -190,5 +188,5 @@ def split(captured: PosedImages, every: int = 10) -> tuple[PosedImages, PosedIma
 
 
 def images_taken(learned: int, every: int = 10) -> int:
-    """How many photographs were taken, at least, where `split` left `learned` of them to learn from."""
+    """Smallest number of photographs of which `split` leaves `learned` for training."""
     return next(count for count in itertools.count(learned) if count - len(range(every // 2, count, every)) == learned)

@@ -16,7 +16,7 @@ from nerfnav.world.triangle_index import TriangleIndex, Triangles
 
 
 class Ground:
-    """All solids and sheets of a scene, ready to be asked."""
+    """Collision geometry of a scene: all solids and sheets, indexed."""
 
     def __init__(self, scene: Scene) -> None:
         """Index the scene's triangles."""
@@ -27,7 +27,7 @@ class Ground:
         self._index = TriangleIndex(_triangles((*scene.solids, *scene.sheets)))
 
     def touches(self, body: Body, states: RigidState) -> Bool[Tensor, " n"]:
-        """Whether the body touches a surface or lies inside a solid at each state, batch shape (n,)."""
+        """Mark states, batch shape (n,), at which the body touches a surface or lies inside a solid."""
         rotations, centers = _numpy(states)
         volume = build_body_volume(body)
         touched = self._index.touched(rotations, centers, volume.half)

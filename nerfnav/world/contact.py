@@ -4,7 +4,6 @@ A motion's states are up to centimetres apart, so it is judged on poses interpol
 steady turns.
 """
 
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -21,7 +20,7 @@ from nerfnav.world.scene import Scene
 
 @dataclass(frozen=True)
 class ContactConfig:
-    """How densely a motion is judged."""
+    """Spacing of the poses at which a motion is judged."""
 
     spacing: float = 0.005
     """Largest distance between neighbouring poses [m]."""
@@ -59,16 +58,16 @@ def interpolated(states: RigidState, config: ContactConfig) -> tuple[RigidState,
 
 @dataclass(frozen=True)
 class ContactReport:
-    """What became of a body along a motion of n + 1 states."""
+    """Contacts of a body along a motion of n + 1 states."""
 
     poses: RigidState
     """The m poses that were judged."""
     touched_poses: Bool[Tensor, " m"]
-    """Whether the body meets a surface or lies inside a solid at each pose."""
+    """Poses at which the body meets a surface or lies inside a solid."""
     overlap_m3: Float[Tensor, " m"]
-    """Volume that the body shares with what is solid at each pose [m^3]."""
+    """Volume that the body shares with solids at each pose [m^3]."""
     touched: Bool[Tensor, " n"]
-    """Whether the body touches anything between state k and state k + 1, both included."""
+    """Steps in which the body touches anything, between state k and state k + 1, both included."""
 
     @property
     def max_overlap_m3(self) -> float:
@@ -85,7 +84,7 @@ class ContactReport:
 def judge(scene: Scene, body: Body, states: RigidState, config: ContactConfig | None = None) -> ContactReport:
     """Follow a body through the states of a motion, batch shape (n + 1,), n at least 1.
 
-    Raises InvalidInputError for states that are not finite, of which nobody can tell where they are.
+    Raises InvalidInputError for states that are not finite, which have no pose to judge.
     """
     states = states.detach()
     _require_finite(states)
@@ -109,7 +108,7 @@ def _require_finite(states: RigidState) -> None:
 def contact_check(
     scene: Scene, body: Body, config: ContactConfig | None = None
 ) -> Callable[[RigidState, RigidState], bool]:
-    """What a simulator asks: does the body touch anything on the way from one state to the next?"""
+    """Make the contact test of a simulator: does the body touch anything between one state and the next?"""
     solids, config = ground(scene), config or ContactConfig()
 
     def touched(before: RigidState, after: RigidState) -> bool:

@@ -5,7 +5,7 @@ are those of lenses; the rays of a pinhole camera, of which nearly all pictures 
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.jit import kernel
 from nerfnav.geometry import Camera, Pose
-from nerfnav.world.kernels.pictures import average
 from nerfnav.world.raster import Hits, Rasteriser
 from nerfnav.world.scene import Scene
 from nerfnav.world.surface import surface_color
@@ -38,7 +38,7 @@ class RayCaster:
 
     def first_hits(self, origins: Rays, directions: Rays) -> Hits:
         """The nearest hit of each ray; directions are unit vectors."""
-        # a few at a time, for embree holds the interpreter's lock and other threads want to answer people meanwhile
+        # a few at a time, for embree holds the interpreter's lock and other threads answer users meanwhile
         face, weights = np.empty(len(origins), np.int32), np.empty((len(origins), 3), np.float32)
         distance = np.empty(len(origins), np.float32)
         for start in range(0, len(origins), _AT_ONCE):
@@ -51,13 +51,13 @@ class RayCaster:
         return Hits(face, weights, distance)
 
     def occluded(self, origins: Rays, directions: Rays) -> Bool[np.ndarray, " n"]:
-        """Whether anything at all lies on each ray."""
+        """Mark rays that hit anything at all."""
         return self._scene.run(origins, directions, query="OCCLUDED") == 0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """What a camera sees."""
+    """Image and depth of a camera in front of a mesh."""
 
     image: UInt8[Tensor, "height width 3"]
     """sRGB colours, 0 to 255."""
@@ -88,7 +88,6 @@ class MeshRenderer:
         paint = source.paint if isinstance(source, Scene) else None
         self._color = surface_color(mesh) if paint is None else paint.color
         self._supersample = supersample
-        self._last: tuple[Camera, Tensor] | None = None  # and the directions of its rays, in its own frame
 
     def render(self, camera: Camera, pose: Pose) -> Picture:
         """The picture that a camera at `pose` = T_world_camera takes."""
@@ -112,7 +111,7 @@ class MeshRenderer:
         return colors
 
     def _hits(self, camera: Camera, pose: Pose) -> Hits:
-        """What all rays hit first."""
+        """Find the first hits of all rays."""
         many = len(self._mesh.faces) > _FACES_PER_RAY * camera.width * camera.height
         if camera.fisheye or camera.distortion or many:
             return self._caster.first_hits(*self._rays(camera, pose))
@@ -129,12 +128,35 @@ class MeshRenderer:
     @torch.no_grad()
     def _rays(self, camera: Camera, pose: Pose) -> tuple[Rays, Rays]:
         """Origins and directions of all rays."""
-        if self._last is None or self._last[0] != camera:  # a robot looks with one camera all the time
-            self._last = camera, camera.directions(camera.pixels())
-        directions = self._last[1].to(pose.position) @ pose.rotation.transpose(-1, -2)
+        directions = _ray_directions(camera).to(pose.position) @ pose.rotation.transpose(-1, -2)
         origins = pose.position.expand_as(directions)
         return _numpy(origins), _numpy(directions)
 
 
+@lru_cache(maxsize=4)  # a robot looks with one camera all the time
+def _ray_directions(camera: Camera) -> Float[Tensor, "hw 3"]:
+    """Directions of all rays in the camera's frame."""
+    return camera.directions(camera.pixels())
+
+
 def _numpy(rays: Float[Tensor, "n 3"]) -> Rays:
     return np.ascontiguousarray(rays.detach().cpu().numpy(), np.float32)
+
+
+@kernel(exact=True)
+def average(colors, seen, sky, image):
+    """Fill an image (h, w, 3) with the mean of each pixel's rays: colors (h, k, w, k, 3), or the sky.
+
+    Nothing is reordered or fused, as in `blend`.
+    """
+    side = colors.shape[1]
+    count, half = np.float32(side * side), np.float32(0.5)
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            for channel in range(3):
+                total = np.float32(0.0)
+                for i in range(side):
+                    for j in range(side):
+                        ray = colors[row, i, column, j, channel] if seen[row, i, column, j] else sky[channel]
+                        total += ray
+                image[row, column, channel] = np.uint8(total / count + half)

@@ -1,9 +1,8 @@
 """Scene: the ground truth of a place: its mesh, its solids, and the flights to try there.
 
-A task is a flight from one place to another. A similarity transform moves a scene: its mesh, its solids, and the box
+A similarity transform moves a scene: its mesh, its solids, and the box
 in which its field lives.
 """
-
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,45 +14,15 @@ import trimesh
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Box, Similarity
-from nerfnav.robots import RigidState
 from nerfnav.world.surface import Paint
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Task:
-    """Fly from one place to another, at rest at both ends."""
-
-    name: str
-    """What users read."""
-    start: Point
-    """[m]"""
-    goal: Point
-    """[m]"""
-    start_yaw: float = 0.0
-    """Heading at the start [rad]."""
-    goal_yaw: float = 0.0
-    """Heading at the goal [rad]."""
-    robot: str = "quadrotor"
-    """Name of the robot that the task is for."""
-
-    @property
-    def start_state(self) -> RigidState:
-        """The state at rest at the start."""
-        return RigidState.at_rest(self.start, self.start_yaw)
-
-    @property
-    def goal_state(self) -> RigidState:
-        """The state at rest at the goal."""
-        return RigidState.at_rest(self.goal, self.goal_yaw)
+from nerfnav.world.task import Task
 
 
 class Vantage(Enum):
-    """From where a place is seen."""
+    """Vantage: the positions from which a place is photographed."""
 
     ANYWHERE = "anywhere"
-    """From wherever is free."""
+    """Any free position."""
     INSIDE = "inside"
     """A room: from where walls stand all around."""
     OUTSIDE = "outside"
@@ -65,15 +34,15 @@ class Scene:
     """Ground truth. Two scenes are the same only if they are the same object."""
 
     name: str
-    """What users call it, as in `nerfnav plan NAME`."""
+    """Name for users, as in `nerfnav plan NAME`."""
     title: str
-    """What users read."""
+    """Title for users."""
     mesh: trimesh.Trimesh
-    """What is seen: sRGB vertex colours, face colours or a UV texture, light and shadow included."""
+    """Visible mesh: sRGB vertex colours, face colours or a UV texture, light and shadow included."""
     solids: tuple[trimesh.Trimesh, ...]
-    """What is touched: watertight parts, which may overlap one another."""
+    """Solids for contact: watertight parts, which may overlap one another."""
     box: Box
-    """Where a field of the scene lives and a robot may fly."""
+    """Domain of a field of the scene, in which a robot may fly."""
     sky: tuple[float, float, float]
     """sRGB colour of a ray that hits nothing, in [0, 1]."""
     tasks: tuple[Task, ...]
@@ -83,12 +52,12 @@ class Scene:
     paint: Paint | None = None
     """The mesh's colours, where they are more than the mesh itself can hold."""
     sheets: tuple[trimesh.Trimesh, ...] = ()
-    """What is touched but has no inside: walls without thickness, ground without depth."""
+    """Surfaces for contact that have no inside: walls without thickness, ground without depth."""
     vantage: Vantage = Vantage.ANYWHERE
-    """From where it is photographed."""
+    """Vantage of its cameras."""
 
 
-def moved_scene(scene: Scene, similarity: Similarity, box: Box) -> Scene:
+def move_scene(scene: Scene, similarity: Similarity, box: Box) -> Scene:
     """The scene where `similarity` takes it, whose field lives in `box` [m] now.
 
     Its paint stays, as it belongs to faces. Raises InvalidInputError for a scene with tasks, which are for robots of

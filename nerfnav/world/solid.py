@@ -24,7 +24,7 @@ _PAIRS_AT_ONCE = 200_000
 
 
 class Solid:
-    """One part that can be touched; what is expensive is built when it is first needed."""
+    """One solid for contact; expensive structures are built when they are first needed."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         """Take a mesh as a solid, watertight or not."""
@@ -41,18 +41,18 @@ class Solid:
         return RayCaster(self.mesh)
 
     def contains(self, points: Points) -> Bool[np.ndarray, " n"]:
-        """Which points [m] lie inside."""
+        """Mark the points [m] that lie inside."""
         inside = ((points >= self.lower) & (points <= self.upper)).all(-1)
         if inside.any():
-            asked = points[inside]
+            found = points[inside]
             if self.manifold is not None:
-                inside[inside] = self._leaves_first(asked)
+                inside[inside] = self._leaves_first(found)
             else:
-                inside[inside] = np.abs(winding_number(self.mesh.triangles, asked)) > 0.5
+                inside[inside] = np.abs(winding_number(self.mesh.triangles, found)) > 0.5
         return inside
 
     def _leaves_first(self, points: Points) -> Bool[np.ndarray, " n"]:
-        """Whether the first face above each point is seen from behind, as only points inside see it."""
+        """Mark points that see the first face above them from behind, as only points inside do."""
         directions = np.tile(_UPWARDS, (len(points), 1))
         face = self._caster.first_hits(points.astype(np.float32), directions).face
         return (face >= 0) & (self.mesh.face_normals[face] @ _UPWARDS > 0)
@@ -85,7 +85,7 @@ def overlap_volume(
 
 
 def winding_number(triangles: Triangles, points: Points) -> Float[np.ndarray, " n"]:
-    """How often a surface wraps around each point: 1 inside a closed one, 0 outside.
+    """Winding number of a surface around each point: 1 inside a closed one, 0 outside.
 
     Solid angles over 4 pi, each by Van Oosterom and Strackee, "The solid angle of a plane triangle", 1983.
     """

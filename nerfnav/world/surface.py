@@ -4,7 +4,6 @@ With paint, each face knows its image and no images are joined: joining them int
 and costs as much memory again.
 """
 
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,7 +13,7 @@ from jaxtyping import Float32, Int32, Shaped, UInt8
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
-from nerfnav.world.kernels.pictures import blend
+from nerfnav.core.jit import kernel
 
 Colors = Float32[np.ndarray, "n 3"]
 Faces = Int32[np.ndarray, " n"]
@@ -96,7 +95,7 @@ Image = UInt8[np.ndarray, "_ _ 3"]
 
 @dataclass(frozen=True, eq=False)
 class Paint:
-    """What colours the f faces of a mesh: an image or none, times a tint."""
+    """Paint of the f faces of a mesh: an image or none, times a tint."""
 
     images: tuple[Image, ...]
     """The textures, each held once however many parts it paints."""
@@ -117,3 +116,17 @@ class Paint:
             uv = interpolate(self.uv, faces[here], weights[here])
             colors[here] *= bilinear(self.images[index], uv) * np.float32(1 / 255)
         return colors
+
+
+@kernel(exact=True)
+def blend(corners, faces, weights, values):
+    """Fill values (n, c): those at the corners (f, 3, c) of the faces (n,), by their weights (n, 3).
+
+    Nothing is reordered or fused: a byte that rounds the other way would be another flight of the same seed.
+    """
+    for ray in range(faces.shape[0]):
+        at = corners[faces[ray]]
+        for channel in range(values.shape[1]):
+            first = weights[ray, 0] * np.float32(at[0, channel])
+            second = weights[ray, 1] * np.float32(at[1, channel])
+            values[ray, channel] = first + second + weights[ray, 2] * np.float32(at[2, channel])

@@ -1,6 +1,6 @@
-"""Vantage points: tell rooms from open ground, and where a camera belongs, by how much of a mesh lies around a point.
+"""Vantage points: separate rooms from open ground, and place cameras, by the share of a mesh around a point.
 
-Which way faces look is not asked: in many files they look anywhere.
+The orientation of faces is not used: in many files it is arbitrary.
 """
 
 import math
@@ -18,13 +18,13 @@ from nerfnav.world.scene import Vantage
 _AROUND = 32
 """Rays around the horizon, at each elevation."""
 _ELEVATIONS = (-0.1, 0.0, 0.1)
-"""Sines of these: level ways tell of walls. Roofs are often left out, to look in, and floors are everywhere."""
+"""Sines of these: level rays meet walls. Roofs are often left out, to look in, and floors are everywhere."""
 _ENCLOSED = 0.9
-"""Share of level ways that end at the mesh from points that tell of a room."""
+"""Share of level rays that end at the mesh from points in a room."""
 _MOSTLY = 0.4
 """Share of such points among those in the box that makes the place a room."""
 _IN_ROOM = 0.75
-"""Share of level ways that must end at the mesh from a camera in a room: windows are open."""
+"""Share of level rays that must end at the mesh from a camera in a room: windows are open."""
 _UPWARDS = 48
 """Rays over the upper half of directions."""
 _SKY = 0.1
@@ -35,7 +35,7 @@ _FLAT = 0.02
 
 
 def filter_vantage(mesh: RayCaster, points: Float[Tensor, "n 3"], vantage: Vantage) -> Bool[Tensor, " n"]:
-    """Which points a camera of that vantage may stand at."""
+    """Mark the points at which a camera of that vantage may stand."""
     if vantage is Vantage.ANYWHERE:
         return torch.ones(len(points), dtype=torch.bool)
     if vantage is Vantage.INSIDE:

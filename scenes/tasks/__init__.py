@@ -1,1 +1,1 @@
-"""What is asked of robots in the bundled places: known at once, while the places themselves take seconds to build."""
+"""Tasks in the bundled places: available at once, while the places themselves take seconds to build."""

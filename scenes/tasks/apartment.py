@@ -1,4 +1,4 @@
-"""What is asked of robots in the apartment: ten flights of a 25 cm quadrotor, three moves of a sofa, five drives."""
+"""Tasks in the apartment: ten flights of a 25 cm quadrotor, three moves of a sofa, five drives."""
 
 import math
 

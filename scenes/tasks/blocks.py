@@ -1,4 +1,4 @@
-"""What is asked of robots between the blocks: two flights."""
+"""Tasks between the blocks: two flights."""
 
 from nerfnav.world import Task
 

@@ -1,4 +1,4 @@
-"""What is asked of robots in the church: ten flights, five couches that must turn, five drives."""
+"""Tasks in the church: ten flights, five couches that must turn, five drives."""
 
 import math
 

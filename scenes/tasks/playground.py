@@ -1,4 +1,4 @@
-"""What is asked of robots in the playground: ten flights."""
+"""Tasks in the playground: ten flights."""
 
 from nerfnav.world import Task
 

@@ -1,4 +1,4 @@
-"""What is asked of robots at Stonehenge: eleven flights and five drives, and twenty flights for experiments."""
+"""Tasks at Stonehenge: eleven flights and five drives, and twenty flights for experiments."""
 
 import math
 from dataclasses import replace

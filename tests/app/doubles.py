@@ -13,7 +13,7 @@ from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots.quadrotor import Quadrotor
@@ -67,10 +67,11 @@ def straight_motion(ends: Any, steps: int = 8, dt: float = 0.1) -> Motion:
 
 
 def plan_step(ends: Any, iteration: int, outcome: PlanOutcome | None = None) -> PlanStep:
-    """One iteration of a plan along the straight line."""
+    """One iteration of a plan along the straight line; with an outcome, its result."""
     trajectory = Trajectory(torch.zeros(1), Route(ends.start.state(), ends.goal.state(), 8, 0.1))
     cost = PlanCost(collision=1 / (1 + iteration), control=2.0, limits=0.0)
-    return PlanStep(iteration, trajectory, straight_motion(ends), cost, outcome)
+    step = PlanStep(iteration, trajectory, straight_motion(ends), cost)
+    return step if outcome is None else step.end(outcome)
 
 
 def flight_step(ends: Any, index: int, outcome: EpisodeOutcome | None = None) -> NavigationStep:

@@ -31,10 +31,10 @@ _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
 import nerfnav_app.server
-from nerfnav_app.jobs.export.surface import surface_of
+from nerfnav_app.jobs.export.surface import build_surface
 from nerfnav_app.places.place import open_place
 place = open_place("stonehenge")
-assert place.tasks and surface_of(place)
+assert place.tasks and build_surface(place)
 print(json.dumps(sorted(sys.modules)))
 """
 

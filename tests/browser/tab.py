@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page
+from playwright.sync_api import Locator, Page
 
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.session import Session
+from tests.app.page.handles import named_handles, position_of
 from tests.browser.in_page import DRAWN, IS_SCENE, POSITION, PROPERTY, VISIBLE, to_screen
 from tests.browser.shown import Shown
 from tests.waiting import PATIENCE_S
@@ -24,15 +25,6 @@ new MutationObserver(() => {
 """Hides viser's complaint about drawing without a graphics card, which would cover the scene."""
 KNOWS_HELP = "localStorage.setItem('nerfnav-help-seen', '1')"
 """Script of a browser that was here before: help does not come by itself, and does not cover the page."""
-
-_TAB_OF_BUTTON = {
-    **dict.fromkeys(("start", "goal"), "Scene"),
-    "Compare planners": "Plan",
-    **dict.fromkeys(("Pause", "Resume", "Step", "Gust"), "Fly"),
-    **dict.fromkeys(("Find the robot", "Put it elsewhere"), "Estimate"),
-    **dict.fromkeys(("Open", "Compare", "End comparison", "Rename", "Delete"), "Runs"),
-    **dict.fromkeys(("Download", "Download map", "Screenshot"), "Export"),
-}
 
 
 class Tab:
@@ -143,11 +135,32 @@ class Tab:
         """Open a tab of the side panel."""
         self.page.get_by_role("tab", name=name, exact=True).click()
 
-    def press(self, name: str) -> None:
-        """Click a button, in the tab of the side panel where it is."""
-        if name in _TAB_OF_BUTTON:
-            self.turn_to(_TAB_OF_BUTTON[name])
-        self.page.get_by_role("button", name=name, exact=True).click()
+    def handle(self, name: str) -> Any:
+        """Find the handle of a widget by its name."""
+        return named_handles(self.app._loop.parts)[name]
+
+    def box(self, name: str) -> Locator:
+        """Find the field of a number, a checkbox or a dropdown in the page."""
+        return self.page.get_by_label(self.handle(name).label, exact=True)
+
+    def boxes(self, name: str) -> Locator:
+        """Find the fields of a text, a vector or a slider in the page."""
+        return self.page.locator(f"div:has(> div > p label:text-is('{self.handle(name).label}'))").last.locator("input")
+
+    def button(self, name: str, option: str | None = None) -> Locator:
+        """Find a button in the page, or one of a group."""
+        return self.page.get_by_role("button", name=option or self.handle(name).label, exact=True)
+
+    def reach(self, name: str) -> None:
+        """Open the tab of the side panel that a widget is in."""
+        tab = position_of(self.handle(name)).tab
+        if tab is not None:
+            self.turn_to(tab)
+
+    def press(self, name: str, option: str | None = None) -> None:
+        """Click a button, or one of a group, in its tab."""
+        self.reach(name)
+        self.button(name, option).click()
 
     def key(self, name: str) -> None:
         """Press a key while nothing is being typed."""
@@ -170,31 +183,31 @@ class Tab:
 
     def export(self, format: str) -> Path:
         """The plan or the flight in a format."""
-        self.choose("Export", "Format", format)
-        return self.download("Download")
+        self.choose("export.format", format)
+        return self.download("export.download")
 
-    def fill(self, label: str, text: str) -> None:
+    def fill(self, name: str, text: str) -> None:
         """Type into a text or a slider's number, and confirm."""
-        self.until_shown()  # or the page might put over what is typed what it is told only now
-        box = self.page.locator(f"div:has(> div > p label:text-is('{label}'))").last.locator("input").last
+        self.until_shown()  # or the page might overwrite the text with an older value
+        box = self.boxes(name).last
         box.fill(text)
         box.press("Enter")
 
-    def check(self, title: str, name: str) -> None:
+    def check(self, name: str) -> None:
         """Toggle a checkbox of the side panel."""
-        self.turn_to(title)
-        self.page.get_by_label(name, exact=True).click()
+        self.reach(name)
+        self.box(name).click()
 
-    def choose(self, title: str, name: str, option: str) -> None:
+    def choose(self, name: str, option: str) -> None:
         """Take an option of a dropdown of the side panel."""
-        self.turn_to(title)
-        self.page.get_by_label(name, exact=True).click()
+        self.reach(name)
+        self.box(name).click()
         self.page.get_by_role("option", name=option, exact=True).click()
 
-    def unfold(self, title: str, folder: str) -> None:
-        """Open a folder of the side panel."""
-        self.turn_to(title)
-        self.page.get_by_text(folder, exact=True).click()
+    def unfold(self, name: str) -> None:
+        """Open the folder that a widget is in."""
+        self.reach(name)
+        self.page.get_by_text(position_of(self.handle(name)).folder or "", exact=True).click()
 
     def on_screen(self, point: np.ndarray) -> tuple[float, float]:
         """Where a world point is in the page [pixels]."""

@@ -9,11 +9,12 @@ import pytest
 from nerfnav_app.page.kit.theme import PLAN, linear
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.page.layers.plan import color_by_clearance
+from nerfnav_app.page.panels.status.status import describe_outside
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Choose
-from nerfnav_app.state.settings import Choice
+from nerfnav_app.state.place import Choice
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 from tests.browser.works import small_work
@@ -35,9 +36,9 @@ def test_a_drag_is_undone_by_key_and_button_and_done_again(serve: Serve, open_ta
     tab.key("Control+y")
     tab.until(lambda: app.session.ends.goal == moved, "the key has not done it again")
     tab.until_ends_agree()
-    tab.press("Undo")
+    tab.press("status.back", "Undo")
     tab.until(lambda: app.session.ends.goal == before, "the button has not undone it")
-    tab.press("Redo")
+    tab.press("status.back", "Redo")
     tab.until(lambda: app.session.ends.goal == moved, "the button has not done it again")
 
 
@@ -45,11 +46,11 @@ def test_a_typed_setting_is_undone_in_its_widget(serve: Serve, open_tab: OpenTab
     app = serve(ScriptedWork())
     tab = open_tab(app)
     tab.turn_to("Plan")
-    box = tab.page.get_by_label("Duration [s]", exact=True)
+    box = tab.box("plan.settings.duration")
     before = app.session.plan_settings
     box.fill("3.5")
     tab.until(lambda: app.session.plan_settings.duration_s == 3.5, "the duration was not taken")
-    tab.press("Undo")
+    tab.press("status.back", "Undo")
     tab.until(lambda: app.session.plan_settings == before, "it was not undone")
     tab.until(lambda: float(box.input_value().split()[0]) == before.duration_s, "the widget shows what was undone")
 
@@ -61,7 +62,7 @@ def test_typed_numbers_outside_of_the_place_are_said_and_stay_until_they_are_rig
     tab = open_tab(app)
     before = app.session.ends.goal
     tab.turn_to("Scene")
-    boxes = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input")
+    boxes = tab.boxes("ends.numbers.goal.position")
 
     def fill(axis: int, value: float) -> None:
         boxes.nth(axis).fill(f"{value:g}")
@@ -76,7 +77,7 @@ def test_typed_numbers_outside_of_the_place_are_said_and_stay_until_they_are_rig
 
     for axis in range(3):
         fill(axis, 5)
-    tab.until(lambda: tab.says("The goal cannot be at 5, 5, 5: "), "nobody says that it was not taken")
+    tab.until(lambda: tab.says(describe_outside(app.session)), "the page does not say that it was rejected")
     assert app.session.ends.goal == before
     tab.page.wait_for_timeout(500)
     assert [float(boxes.nth(axis).input_value()) for axis in range(3)] == [5, 5, 5], "it was silently undone"
@@ -96,10 +97,10 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
         session = app.session
         return ClearanceQuery.rows_of(session.plan, session)
 
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until_planned()
-    tab.unfold("Scene", "View")
-    tab.page.get_by_label("Line by clearance", exact=True).click()
+    tab.unfold("view_settings.camera")
+    tab.box("view_settings.clearance").click()
     tab.until(lambda: app.session.view_settings.clearance, "the press was not taken")
     tab.until(lambda: rows() is not None, "its room is not known")
     tab.until(lambda: tab.is_visible("/plan/room"), "the line keeps its one colour")
@@ -108,11 +109,11 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
     assert known is not None
     wanted = np.repeat(linear(color_by_clearance(known))[:, None], 2, axis=1).reshape(-1).tolist()
     tab.until(lambda: tab.property("/plan/room", "colors") == wanted, "the line has other colours")
-    tab.until(lambda: tab.says("cm of room") and tab.says("20 and more"), "there is no scale")
-    tab.page.get_by_label("Line by clearance", exact=True).click()
+    tab.until(lambda: tab.says("cm of clearance"), "there is no scale")
+    tab.box("view_settings.clearance").click()
     tab.until(lambda: not tab.is_visible("/plan/room"), "it keeps them")
     tab.until(lambda: tab.property("/plan/line", "colors") == list(PLAN), "its one colour does not come back")
-    tab.until(lambda: not tab.says("cm of room"), "the scale stays")
+    tab.until(lambda: not tab.says("cm of clearance"), "the scale stays")
 
 
 BODIES = {

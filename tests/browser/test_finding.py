@@ -19,7 +19,7 @@ OpenTab = Callable[[App], Tab]
 def last_search(app: App) -> RelocaliseStep | None:
     """The last search, if it has ended."""
     search = app.session.search
-    return None if search is None or search.step.outcome is None else search.step
+    return None if search is None or search.outcome is None else search.step
 
 
 def moves(app: App) -> list[float]:
@@ -33,7 +33,7 @@ def step_until(tab: Tab, condition: Callable[[], bool], complaint: str) -> None:
     """Let a held flight take time steps: what is asked in the middle of one counts from the next."""
     for _ in range(3):
         before = tab.app.session.steps_reported
-        tab.press("Step")
+        tab.press("flight.steer", "Step")
         tab.until(lambda before=before: tab.app.session.steps_reported > before, "it does not go on")
         if condition():
             return
@@ -47,28 +47,28 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
     for name, value in (("position_noise_m", 0.002), ("attitude_noise_rad", 0.002), ("pace", 1e-4)):
         app.post(Adjust(Settings.FLIGHT, name, value))
     tab.turn_to("Estimate")
-    find = tab.page.get_by_role("button", name="Find the robot", exact=True)
+    find = tab.button("estimate.find")
     tab.until(find.is_disabled, "a robot that saw nothing can be looked for")
     tab.key("f")
     tab.until(lambda: app.session.steps_reported > 0, "it does not fly")
-    tab.press("Pause")
+    tab.press("flight.steer", "Pause")
     tab.until(lambda: app.session.job is not None and app.session.job.paused, "it does not hold")
     app.post(Adjust(Settings.FLIGHT, "pace", 0.0))
     step_until(tab, lambda: app.session.last_picture is not None, "it sees nothing")
-    tab.press("Find the robot")
+    tab.press("estimate.find")
     step_until(tab, lambda: last_search(app) is not None, "the page was not told what the search found")
     tab.until(lambda: tab.is_visible("/search/ghosts"), "no candidate is shown")
 
-    tab.press("Put it elsewhere")
+    tab.press("estimate.kidnap")
     step_until(tab, lambda: max(moves(app)) > 0.45, "it was not carried away")
-    tab.press("Stop now")
+    tab.press("status.next.cancel")
     tab.until(lambda: app.session.job is None, "it flies on")
     flight = app.session.flight
     assert flight is not None
     assert flight.steps[int(np.argmax(moves(app)))].recovery is SupervisorState.WIDENED, "it did not notice"
 
     told = last_search(app)
-    tab.press("Find the robot")
+    tab.press("estimate.find")
     tab.until(lambda: app.session.job is None and last_search(app) is not told, "the search does not end", 60)
     step = last_search(app)
     assert step is not None

@@ -9,8 +9,10 @@ import pytest
 
 from nerfnav_app.page.kit.theme import HIT, PLAN
 from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.page.panels.status.next_step import find_remedy
+from nerfnav_app.page.panels.status.status import needs_confirmation, status
 from nerfnav_app.places.ends import EndRole
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, plan_request, planned
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, make_plan, plan_request
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
@@ -102,7 +104,7 @@ def with_field(serve: Serve, open_tab: OpenTab) -> tuple[App, Tab]:
     """An app and a tab of it with a plan."""
     app = serve(small_work())
     tab = open_tab(app)
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until_planned()
     return app, tab
 
@@ -135,7 +137,7 @@ def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(
     assert plan is not None and plan.latest is not None and place is not None
     drawn = plan.latest.motion.states.position.numpy()
     assert "safety" in plan.summary, "nobody has judged it"
-    scratch = planned(plan_request(session.plan_settings, session.ends, session.choice.planner, None), place)
+    scratch = make_plan(plan_request(session.plan_settings, session.ends, session.choice.planner, None), place)
     assert plan.latest.cost.total <= 1.02 * scratch.steps[-1].cost.total
     tab.until(lambda: tab.says("Planned: "), "the page does not say how good it is")
     tab.until(lambda: tab.shows("/plan/line", drawn), "another plan is shown")
@@ -146,16 +148,19 @@ def test_another_duration_is_planned_for_and_too_little_time_is_told_with_its_re
 ) -> None:
     app, tab = with_field(serve, open_tab)
     app.post(Adjust(Settings.PLAN, "duration_s", 0.8))
-    tab.until(lambda: tab.says("Too fast for 0.8 s: allow"), "nobody says that it is too fast")
+    too_fast = lambda: app.session.unsafe_plan and tab.says(status(app.session).text)  # noqa: E731
+    tab.until(too_fast, "the page does not say that it is too fast")
     tab.until(lambda: tab.property("/plan/line", "colors") == list(HIT), "it looks as if it could be flown")
-    allow = tab.page.get_by_role("button", name="Allow ")
+    tab.until(lambda: find_remedy(app.session) is not None, "no remedy is offered")
+    tab.until_shown()
+    allow = tab.button("status.next.allow_time")
     allow.wait_for()
     assert tab.page.locator(".mantine-Notification-root", has_text="fast").count() == 0, "it is said twice"
     allow.click()
     tab.until(lambda: app.session.fresh_plan is not None, "more time did not help")
     assert app.session.plan_settings.duration_s > 0.8
     tab.until(lambda: tab.property("/plan/line", "colors") == list(PLAN), "a good plan looks as if it were none")
-    tab.until(lambda: not tab.says("Too fast"), "the error has outlived its cause")
+    tab.until(lambda: not tab.button("status.next.allow_time").is_visible(), "the error has outlived its cause")
 
 
 def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weights(
@@ -164,16 +169,17 @@ def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weigh
     app, tab = with_field(serve, open_tab)
     app.post(Adjust(Settings.WEIGHTS, "collision", 0.0))
     tab.until(lambda: app.session.unsafe_plan is not None, "the plan does not know that it is not safe")
-    tab.until(lambda: tab.says("The robot "), "nobody says what is wrong")
+    tab.until(lambda: tab.says(status(app.session).text), "the page does not say what is wrong")
     tab.key("f")
-    tab.until(lambda: tab.says("Fly it all the same?"), "nobody asks")
+    tab.until(lambda: needs_confirmation(app.session), "no confirmation is asked for")
+    tab.button("status.anyway").wait_for()
     assert app.session.job is None and app.session.flight is None
-    tab.page.get_by_role("button", name="Do not fly").click()
-    tab.until(lambda: not tab.says("Fly it all the same?"), "it goes on asking")
+    tab.press("status.decline")
+    tab.until(lambda: not tab.button("status.anyway").is_visible(), "it goes on asking")
     tab.key("f")
-    tab.page.get_by_role("button", name="Fly all the same").click()
+    tab.press("status.anyway")
     tab.until(lambda: app.session.flight is not None, "it does not fly")
-    tab.press("Reset")
+    tab.press("status.back", "Reset")
     tab.until(lambda: app.session.plan is None and app.session.job is None, "nothing was reset")
     assert app.session.plan_settings.weights.collision == 1.0
     tab.until(lambda: not tab.is_visible("/plan/line"), "the plan stays")

@@ -32,15 +32,15 @@ def settled(app: App) -> bool:
 def plan_fly_export(tab: Tab) -> Session:
     """Press the main button twice, and take the flight away."""
     app = tab.app
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until_planned(_FLY_S)
-    tab.until(lambda: tab.page.get_by_role("button", name="Fly it").is_visible(), "nothing offers to fly")
-    tab.press("Fly it")
+    tab.until(lambda: tab.button("status.next.start_flight").is_visible(), "nothing offers to fly")
+    tab.press("status.next.start_flight")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", _FLY_S)
     flown = app.session
     assert flown.flight is not None and flown.flight.outcome is not None and len(flown.flight.steps) > 2
     tab.turn_to("Export")
-    rows = list(csv.reader(tab.download("Download").read_text().splitlines()))
+    rows = list(csv.reader(tab.download("export.download").read_text().splitlines()))
     assert len(rows) > 3
     return flown
 
@@ -54,7 +54,7 @@ def test_own_splats_are_opened_flown_in_and_kept(
     app = serve(opening_work())
     tab = open_tab(app)
     tab.turn_to("Scene")
-    tab.upload("Open a file", file)
+    tab.upload("place.upload", file)
     tab.until(lambda: app.session.what.endswith("journey.splat") and settled(app), "it did not open", _OPEN_S)
     assert "journey" in [place.name for place in PlaceLibrary().entries()]
     flown = plan_fly_export(tab)
@@ -64,7 +64,7 @@ def test_own_splats_are_opened_flown_in_and_kept(
     assert field is not None
     made, before = field.field_file.stat().st_mtime_ns, app.session.place
     tab.turn_to("Scene")
-    tab.upload("Open a file", file)
+    tab.upload("place.upload", file)
     tab.until(lambda: app.session.place is not before and settled(app), "it did not open again", _OPEN_S)
     assert field.field_file.stat().st_mtime_ns == made and app.session.what == flown.what
 
@@ -79,7 +79,7 @@ def test_an_own_mesh_is_learned_and_flown_in(
     tab = open_tab(app)
     tab.turn_to("Scene")
     mesh = pillars(tmp_path, at=(0.0,))
-    tab.upload("Open a file", mesh)
+    tab.upload("place.upload", mesh)
     tab.until(lambda: app.session.place is None, "it is not being opened")
     tab.until(lambda: not tab.is_visible("/start"), "the ends of the last place are still shown")
     tab.until(lambda: tab.says("Opening"), "nothing says what is being done")
@@ -97,7 +97,7 @@ def test_an_own_capture_is_learned_and_flown_in(
     tab = open_tab(app)
     tab.turn_to("Scene")
     capture = shutil.make_archive(str(tmp_path / "ownroom"), "zip", write_depths(tmp_path / "ownroom"))
-    tab.upload("Open a file", Path(capture))
+    tab.upload("place.upload", Path(capture))
     tab.until(lambda: app.session.what.endswith("ownroom.zip") and settled(app), "it did not open", _OPEN_S)
     assert "ownroom" in [place.name for place in PlaceLibrary().entries()]
     flown = plan_fly_export(tab)
@@ -111,7 +111,7 @@ def test_robots_on_the_ground_are_chosen_planned_for_and_flown(
     browser_app: Callable[[str], Tab], place: str, robot: str
 ) -> None:
     tab = browser_app(place)
-    tab.choose("Scene", "Robot", robot)
+    tab.choose("place.robots.list", robot)
     tab.until(lambda: tab.app.session.choice.robot == robot and settled(tab.app), "it fits nowhere")
     session = tab.app.session
     assert session.place is not None
@@ -131,5 +131,5 @@ def browser_app(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> Ca
 
 def test_a_cart_too_large_for_stonehenge_is_told_so_in_one_sentence(browser_app: Callable[[str], Tab]) -> None:
     tab = browser_app("stonehenge")
-    tab.choose("Scene", "Robot", "cart")
+    tab.choose("place.robots.list", "cart")
     tab.until(lambda: tab.says("for a cart, 50 cm long, in this place of 2.6 x 2.6 x 0.83 m"), "nobody says why")

@@ -34,7 +34,7 @@ def tab(serve: Serve, open_tab: OpenTab) -> Tab:
     """A tab with a plan."""
     app = serve(small_work())
     tab = open_tab(app)
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until_planned()
     tab.until(lambda: tab.is_visible("/plan/line"), "the plan is not drawn")
     return tab

@@ -33,14 +33,15 @@ def test_the_button_that_stops_has_no_play_triangle_and_the_line_says_how_it_goe
 ) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    play = tab.page.evaluate(_ICON, "Plan the way")
-    tab.press("Plan the way")
+    play = tab.page.evaluate(_ICON, tab.handle("status.next.start_plan").label)
+    tab.press("status.next.start_plan")
     tab.until_planned()
     tab.until(lambda: tab.says("Planned: "), "nobody says that there is a plan")
     app.post(Adjust(Settings.FLIGHT, "pace", 1e-4))  # so that the page, however slow, is seen while it flies
-    tab.press("Fly it")
+    tab.press("status.next.start_flight")
     tab.until(lambda: app.session.flight is not None, "it does not fly")
-    tab.until(lambda: tab.page.evaluate(_ICON, "Stop now") not in (None, play), "Stop looks as if it began something")
+    stop = tab.handle("status.next.cancel")
+    tab.until(lambda: tab.page.evaluate(_ICON, stop.label) not in (None, play), "Stop looks as if it began something")
     tab.until(lambda: tab.says("Flying, time step "), "the line does not say how far it is", 300)
     app.post(Adjust(Settings.FLIGHT, "pace", 0.0))
     tab.until(lambda: app.session.job is None, "the flight does not end", 300)
@@ -63,17 +64,17 @@ def test_only_what_can_be_opened_is_listed_and_what_was_learned_can_be_taken_awa
     brought(PlaceLibrary(), "rock.splat", b"of the walk")
     tab = open_tab(serve(ScriptedWork()))
     tab.turn_to("Scene")
-    tab.page.get_by_label("Place", exact=True).click()
+    tab.box("place.places").click()
     tab.page.get_by_role("option", name="stonehenge", exact=True).wait_for()
     rock = tab.page.get_by_role("option", name="rock", exact=True)
     tab.until(lambda: rock.count() == 1, "what was brought is in no list")
     assert tab.page.get_by_role("option", name="blocks", exact=True).count() == 0, "it has no field"
     tab.page.keyboard.press("Escape")
     rock.wait_for(state="hidden")  # or it would be chosen there
-    tab.unfold("Scene", "Kept places")
-    tab.page.get_by_label("Kept place", exact=True).click()
+    tab.unfold("place_library.list")
+    tab.box("place_library.list").click()
     rock.click()
-    assert tab.download("Download field").read_bytes() == b"a field"
+    assert tab.download("place_library.download_field").read_bytes() == b"a field"
 
 
 def test_how_well_an_own_capture_is_learned_is_chosen_with_the_time_that_it_takes(
@@ -81,5 +82,5 @@ def test_how_well_an_own_capture_is_learned_is_chosen_with_the_time_that_it_take
 ) -> None:
     app = serve(ScriptedWork())
     tab = open_tab(app)
-    tab.choose("Scene", "Learn it", "best: about 4 min")
+    tab.choose("place.quality", "best: about 4 min")
     tab.until(lambda: app.session.quality == "best", "the choice is not taken")

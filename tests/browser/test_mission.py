@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
@@ -25,7 +25,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     tab.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     goal = np.array(app.session.ends.goal.position)
 
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: tab.is_visible("/plan/line"), "no iteration is shown")
     tab.until_planned()
     assert app.session.plan is not None and app.session.plan.latest is not None
@@ -35,7 +35,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
 
     for name in ("position_noise_m", "attitude_noise_rad"):
         app.post(Adjust(Settings.FLIGHT, name, 0.002))
-    tab.press("Fly it")
+    tab.press("status.next.start_flight")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", 300)
     flight = app.session.flight
     assert flight is not None and flight.outcome is EpisodeOutcome.REACHED

@@ -14,6 +14,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobResult, Progress
 from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.page.panels.plan.plan import describe_outcome
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.job import JobKind
@@ -43,8 +44,9 @@ def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_
     tab = open_tab(serve(ScriptedWork()))
     assert tab.page.title() == "nerfnav"
     tab.until(lambda: tab.says("balls"), "the place has no name")
-    for name in ("Plan the way", "Undo", "Redo", "Reset"):
-        tab.until(tab.page.get_by_role("button", name=name, exact=True).is_enabled, f"{name} cannot be pressed")
+    assert tab.button("status.next.start_plan").is_enabled()
+    for name in ("Undo", "Redo", "Reset"):
+        tab.until(tab.button("status.back", name).is_enabled, f"{name} cannot be pressed")
     for which in EndRole:
         np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)
     assert tab.has_node("/sky") and tab.page.evaluate(_SURROUNDINGS) is None, "the light comes from lamps alone"
@@ -99,7 +101,7 @@ def test_a_tab_that_sends_nonsense_harms_nobody(serve: Serve, open_tab: OpenTab,
 
 def test_typed_numbers_move_the_gizmo(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork()))
-    box = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input").nth(2)
+    box = tab.boxes("ends.numbers.goal.position").nth(2)
     box.fill("0.5")
     box.press("Enter")
     tab.until(lambda: math.isclose(tab.position(EndRole.GOAL)[2], 0.5, abs_tol=1e-4), "the gizmo did not follow")
@@ -112,7 +114,7 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
     first, second = open_tab(app), open_tab(app)
     first.page.bring_to_front()
     first.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
-    first.press("Plan the way")
+    first.press("status.next.start_plan")
     first.until(lambda: app.session.plan is not None and app.session.job is None, "the plan did not end")
     for tab in (first, second):
         tab.page.bring_to_front()
@@ -122,31 +124,31 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
             lambda tab=tab, goal=goal: np.allclose(tab.line("/plan/line")[-1], goal, atol=1e-4), "it ends elsewhere"
         )
     first.turn_to("Plan")
-    first.until(lambda: first.says("The plan cannot be improved any more."), "the page does not say how it ended")
+    first.until(lambda: first.says(describe_outcome(PlanOutcome.CONVERGED)), "the page does not say how it ended")
 
 
 def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) -> None:
     done = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     tab = open_tab(serve(ScriptedWork({JobKind.PLAN: done})))
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
     fresh = tab.property("/plan/line", "colors")
     tab.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     tab.until(lambda: tab.property("/plan/line", "colors") != fresh, "a stale plan looks fresh")
     tab.turn_to("Plan")
-    tab.until(lambda: tab.says("this is the earlier plan"), "the page does not say that it is stale")
+    tab.until(lambda: tab.says("have changed since this plan"), "the page does not say that it is stale")
 
 
 def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork({JobKind.PLAN: [lambda job: plan_step(job.ends, 0), *[endless] * 5000]})))
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: tab.says("Optimising 50 %"), "no progress is shown")
-    tab.press("Stop now")
+    tab.press("status.next.cancel")
     tab.until(lambda: tab.app.session.job is None, "the plan went on")
     tab.turn_to("Plan")
-    tab.until(lambda: tab.says("Stopped before it was done."), "the page does not say that it stopped")
+    tab.until(lambda: tab.says("Stopped before it was finished."), "the page does not say that it stopped")
     tab.until(lambda: tab.is_visible("/plan/line"), "what was planned is gone")
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: tab.app.session.job is not None, "no second plan began")
 
 
@@ -154,11 +156,11 @@ def test_a_failed_job_is_told_and_the_app_goes_on(serve: Serve, open_tab: OpenTa
     work = ScriptedWork({JobKind.PLAN: [NerfnavError("the goal is inside a stone")]})
     app = serve(work)
     tab = open_tab(app)
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: tab.says("Could not plan: the goal is inside a stone"), "nobody says why")
     assert tab.page.locator(".mantine-Notification-root", has_text="inside a stone").count() == 0, "it is said twice"
     work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: tab.is_visible("/plan/line"), "the app did not go on")
     tab.until(lambda: not tab.says("inside a stone"), "the error has outlived its cause")
 
@@ -175,10 +177,10 @@ def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: Open
     app = tab.app
     tab.key("f")
     tab.until(lambda: app.session.steps_reported > 3, "the flight did not begin")
-    tab.press("Pause")
+    tab.press("flight.steer", "Pause")
     tab.until(lambda: tab.says("Paused after time step"), "the flight was not paused")
     held = tab.settled(lambda: app.session.steps_reported)  # the step in progress is taken to its end
-    tab.press("Step")
+    tab.press("flight.steer", "Step")
     tab.until(lambda: app.session.steps_reported == held + 1, "no step was taken")
     tab.page.wait_for_timeout(300)
     assert app.session.steps_reported == held + 1
@@ -190,11 +192,11 @@ def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: Open
     tab.until(lambda: len(centers()) == held + 1, "the covariances do not show the step")
     half = np.array(tab.property("/flight/covariance", "batched_scales")).reshape(-1, 3)
     np.testing.assert_allclose(half.max(-1), 2.7955 * 0.02, rtol=1e-3)
-    tab.press("Resume")
+    tab.press("flight.steer", "Resume")
     tab.until(lambda: app.session.steps_reported > held + 3, "the flight did not go on")
-    tab.press("Stop now")
+    tab.press("status.next.cancel")
     tab.until(lambda: app.session.job is None, "the flight was not stopped")
-    tab.until(lambda: tab.says("Stopped on the way."), "the page does not say that it stopped")
+    tab.until(lambda: tab.says("Stopped before the goal."), "the page does not say that it stopped")
 
 
 def test_without_the_token_there_is_no_page(serve: Serve, context: BrowserContext) -> None:

@@ -79,7 +79,7 @@ def test_shortcuts_fly_hold_and_stop_and_are_letters_where_text_is_typed(serve: 
     app = serve(work())
     tab = open_tab(app)
     tab.turn_to("Scene")
-    box = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input").nth(2)
+    box = tab.boxes("ends.numbers.goal.position").nth(2)
     box.click()
     tab.page.keyboard.press("f")
     tab.page.wait_for_timeout(300)

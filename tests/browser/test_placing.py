@@ -11,7 +11,7 @@ from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import MoveEnd
-from nerfnav_app.state.alignment import AlignmentDraft
+from nerfnav_app.state.alignment import AlignmentDraft, PickTarget
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work
 from tests.field.moves import room
@@ -27,38 +27,38 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
     tab = open_tab(app)
     tab.turn_to("Scene")
     first = app.session.place
-    tab.upload("Open a file", tmp_path / "room.npz")
+    tab.upload("place.upload", tmp_path / "room.npz")
     tab.until(lambda: app.session.place is not first and app.session.job is None, "the field was not opened")
     tab.until(lambda: tab.has_node("/field"), "the place is not shown")
-    tab.unfold("Scene", "Up, scale, box")
+    tab.unfold("alignment.point")
 
-    def placing() -> AlignmentDraft:
-        return app.session.placing
+    def draft() -> AlignmentDraft:
+        return app.session.alignment
 
     def top() -> float | None:
-        kept = placing().kept
+        kept = draft().kept
         return None if kept is None else kept[1][2]
 
-    tab.press("two points")
+    tab.press("alignment.point", PickTarget.DISTANCE.value)
     for count, point in enumerate(FLOOR[:2], 1):
-        tab.until(lambda: placing().pointing is not None, "the page does not wait for a click")
+        tab.until(lambda: draft().pointing is not None, "the page does not wait for a click")
         tab.click_at(point)
-        tab.until(lambda n=count: len(placing().measured) == n, "the click told no point")
-    assert placing().length == pytest.approx(np.linalg.norm(np.subtract(*FLOOR[:2])), abs=0.08)
-    distance = tab.page.get_by_label("Distance [m]")
+        tab.until(lambda n=count: len(draft().measured) == n, "the click told no point")
+    assert draft().length == pytest.approx(np.linalg.norm(np.subtract(*FLOOR[:2])), abs=0.08)
+    distance = tab.box("alignment.distance")
     tab.until_shown()  # or it would put what was measured over what is typed
-    distance.fill(f"{2 * (placing().length or 0):.4f}")
+    distance.fill(f"{2 * (draft().length or 0):.4f}")
     distance.press("Enter")
-    tab.until(lambda: (placing().distance or 0) > 1, "the distance was not taken")
+    tab.until(lambda: (draft().distance or 0) > 1, "the distance was not taken")
 
-    tab.press("the floor")
+    tab.press("alignment.point", PickTarget.FLOOR.value)
     for count, point in enumerate(FLOOR, 1):
-        tab.until(lambda: placing().pointing is not None, "the page does not wait for a click")
+        tab.until(lambda: draft().pointing is not None, "the page does not wait for a click")
         tab.click_at(point)
-        tab.until(lambda n=count: len(placing().floor) == n, "the click showed no floor")
-    tab.page.get_by_label("Crop", exact=True).click()
-    tab.until(lambda: placing().kept is not None and tab.is_visible("/placing/kept"), "the box is not shown")
-    highest = tab.page.locator("div:has(> div > p label:text-is('Keep to [m]'))").last.locator("input").nth(2)
+        tab.until(lambda n=count: len(draft().floor) == n, "the click showed no floor")
+    tab.box("alignment.crop").click()
+    tab.until(lambda: draft().kept is not None and tab.is_visible("/alignment/kept"), "the box is not shown")
+    highest = tab.boxes("alignment.upper").nth(2)
     tab.until_shown()
     highest.fill("0.6")
     highest.press("Enter")
@@ -66,10 +66,10 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
 
     before, what = app.session.place, app.session.what
     assert before is not None
-    tab.press("Apply")
+    tab.press("alignment.apply")
     tab.until(lambda: app.session.what != what and app.session.job is None, "the place was not put right", 240)
     now = app.session.place
-    assert now is not None and placing() == AlignmentDraft(undo=(what,), told=placing().told) and placing().told
+    assert now is not None and draft() == AlignmentDraft(undo=(what,), changes=draft().changes) and draft().changes
     sizes = now.field.box.size / before.field.box.size
     assert 1.9 < float(sizes[0]) < 2.2 and 1.4 < float(sizes[2]) < 1.8
     assert abs(float(now.field.box.lower[2]) + 0.2) < 0.15
@@ -77,12 +77,12 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
     for which, position in ((EndRole.START, (-0.5, -0.9, 0.35)), (EndRole.GOAL, (0.3, 0.8, 0.35))):
         app.post(MoveEnd(which, End(position)))
     tab.until_ends_agree()
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: app.session.plan is not None and app.session.job is None, "nothing was planned")
     plan = app.session.plan
     assert plan is not None and plan.outcome is PlanOutcome.CONVERGED
     tab.turn_to("Scene")
-    tab.press("As it was before")
+    tab.press("alignment.undo")
     tab.until(lambda: app.session.what == what and app.session.job is None, "the change was not undone")
     place = app.session.place
     assert place is not None and place.field.box.size.tolist() == before.field.box.size.tolist()

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from nerfnav.export.tum import poses_of_tum
 from nerfnav_app.jobs.events import JobEvents, JobResult, PlaceOpened
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings, StartFlight
@@ -17,6 +16,7 @@ from tests.app.doubles import ScriptedWork, balls_place
 from tests.app.storage.stored_runs import put
 from tests.browser.tab import Tab
 from tests.export.flights import flown
+from tests.export.readers import poses_of_tum
 from tests.waiting import PATIENCE_S, until
 
 Serve = Callable[..., App]
@@ -58,12 +58,12 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
     tab = open_tab(serve(ScriptedWork(runs=RunStore(tmp_path))))
     (entry,) = RunStore(tmp_path).entries()
     tab.turn_to("Runs")
-    shelf = tab.page.get_by_label("Flight", exact=True)
+    shelf = tab.box("runs.list")
     tab.until(lambda: shelf.input_value() == entry.name, "the flight is not listed")
-    tab.press("Open")
+    tab.press("runs.actions", "Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     for at in (3, len(flight.steps) - 1):
-        tab.fill("Time [s]", str(at * flight.steps[0].plan.dt))
+        tab.fill("timeline.slider", str(at * flight.steps[0].plan.dt))
         truth = flight.steps[at].truth.position.numpy()
         tab.until(lambda truth=truth: np.allclose(robot_of(tab), truth, atol=1e-5), "the robot stays where it was")
     tab.until(lambda: len(tab.line("/flight/truth")) == len(flight.steps), "its path is not drawn to its end")
@@ -77,29 +77,29 @@ def test_flights_are_compared_renamed_and_deleted_in_the_page(
     put(shelf, "first", flown()[:9], date="2026-01-01T00:00:00+00:00")
     tab = open_tab(serve(ScriptedWork(runs=shelf)))
     until_listed(tab, ["second", "first"])
-    tab.press("Open")
+    tab.press("runs.actions", "Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
-    tab.choose("Runs", "Flight", "first")
-    tab.press("Compare")
+    tab.choose("runs.list", "first")
+    tab.press("runs.actions", "Compare")
     tab.until(lambda: tab.is_visible("/compared/robot"), "the second flight is not shown")
     tab.until(lambda: tab.says("First: second. Second: first."), "their numbers are not beside each other")
-    tab.fill("Time [s]", str(5 * flown()[0].plan.dt))
+    tab.fill("timeline.slider", str(5 * flown()[0].plan.dt))
     here = flown()[5].truth.position.numpy()
     for node in ("/flight/robot", "/compared/robot"):
         tab.until(lambda node=node: np.allclose(robot_of(tab, node), here, atol=1e-5), f"{node} is elsewhere")
-    tab.press("End comparison")
+    tab.press("runs.alone")
     tab.until(lambda: not tab.is_visible("/compared/robot"), "the second flight is still shown")
 
-    tab.fill("New name", "../outside")
-    tab.press("Rename")
+    tab.fill("runs.name", "../outside")
+    tab.press("runs.change", "Rename")
     tab.until(lambda: tab.says("A name has up to 80 letters"), "a bad name is not refused")
-    tab.fill("New name", "My best flight")
-    tab.press("Rename")
+    tab.fill("runs.name", "My best flight")
+    tab.press("runs.change", "Rename")
     until_listed(tab, ["second", "My best flight"])
     assert [entry.name for entry in shelf.entries()] == ["second", "My best flight"]
-    tab.choose("Runs", "Flight", "My best flight")
+    tab.choose("runs.list", "My best flight")
     for answer, left in (("Keep it", ["second", "My best flight"]), ("Delete for good", ["second"])):
-        tab.press("Delete")
+        tab.press("runs.change", "Delete")
         button = tab.page.get_by_role("button", name=answer, exact=True)
         button.click()
         button.wait_for(state="hidden")
@@ -113,14 +113,14 @@ def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
     put(RunStore(tmp_path / "runs"), "flight")
     tab = open_tab(serve(ScriptedWork(runs=RunStore(tmp_path / "runs"))))
     until_listed(tab, ["flight"])
-    tab.press("Open")
+    tab.press("runs.actions", "Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     truth = np.stack([step.truth.position.numpy() for step in flown()])
     np.testing.assert_allclose(poses_of_tum(tab.export("tum").read_text())[1], truth, atol=1e-6)
     assert tab.export("mcap").read_bytes().startswith(b"\x89MCAP")
     page = tmp_path / "replay.html"
     page.write_bytes(tab.export("html").read_bytes())
-    picture = cv2.imread(str(tab.download("Screenshot")))
+    picture = cv2.imread(str(tab.download("screenshot.shot")))
     assert picture is not None and picture.shape == (720, 1280, 3) and picture.std() > 5
 
     told: list[str] = []

@@ -45,7 +45,7 @@ _LEFT_OUT = (
     *("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save"),  # which ask for files, or touch what is kept
     *(f"Open {place}" for place in scenes.names()),  # what is kept of one more place is no leak, but looks like one
 )
-_BEGINS = re.compile(r"Plan the way|Fly it|Fly all the same|Allow [\d.]+ s|Restore the weights")
+_BEGINS = re.compile(r"Plan trajectory|Fly|Fly anyway|Allow [\d.]+ s|Restore the weights")
 """What the main button offers while nothing runs."""
 _READY = """
 () => ['/start', '/goal'].every(name => name in (window.__viserSceneTree?.getState() ?? {})
@@ -114,11 +114,11 @@ class Crowd:
         tab = self._tabs[0]
         tab.page.bring_to_front()
         tab.page.get_by_role("tab", name="Estimate").click()
-        carry = tab.page.get_by_role("button", name="Put it elsewhere")
+        carry = tab.page.get_by_role("button", name="Kidnap the robot")
         # before the first flight a new machine compiles its kernels; a busy page may see its end before it can press
         end = time.monotonic() + 2 * PATIENCE_S
         while not self._pressed_at_once(carry):
-            assert time.monotonic() < end, f"the robot cannot be put elsewhere: {self._offers(tab)} is offered"
+            assert time.monotonic() < end, f"the robot cannot be kidnapped: {self._offers(tab)} is offered"
             if self._is_idle(tab):
                 tab.page.keyboard.press("f")
             tab.page.wait_for_timeout(100)

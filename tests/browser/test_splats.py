@@ -22,7 +22,7 @@ def test_uploaded_splats_are_shown_and_their_field_is_opened(
     tab = open_tab(app)
     tab.turn_to("Scene")
     first = app.session.place
-    tab.upload("Open a file", file)
+    tab.upload("place.upload", file)
     tab.until(lambda: app.session.place is not first and app.session.job is None, "the splats were not opened")
     place = app.session.place
     assert place is not None and place.splats is not None and len(place.splats) == 400

@@ -60,7 +60,7 @@ def test_a_video_is_tracked_watched_again_and_its_trajectory_taken_away(
     app = serve(small_work(sure_place))
     tab = open_tab(app)
     tab.turn_to("Estimate")
-    tab.upload("Track a video", video(12))
+    tab.upload("track.upload", video(12))
     tab.until(lambda: frames(app) > 2, "no frame is tracked", 180)
     tab.until(lambda: app.session.job is None, "it does not end", 180)
     track = app.session.track
@@ -72,14 +72,14 @@ def test_a_video_is_tracked_watched_again_and_its_trajectory_taken_away(
     drawn = 11 * 2 * 3
     tab.until(lambda: np.array(tab.property("/track/path", "points")).size == drawn, "the path is not drawn to its end")
     tab.page.get_by_text("Tracked walk.mp4: 12 of 12 frames, never lost").first.wait_for()
-    text = tab.download("trajectory.tum").read_text().splitlines()
+    text = tab.download("track.downloads.trajectory.tum").read_text().splitlines()
     assert len(text) == 13 and text[0].startswith("#")
-    assert tab.download("poses.csv").read_text().count("\n") == 13
+    assert tab.download("track.downloads.poses.csv").read_text().count("\n") == 13
     played = tab.shown.watch(lambda session: session.shown_track is not track)
-    tab.press("Play back")
+    tab.press("timeline.play")
     tab.until(played.is_set, "it does not play")
     tab.until(lambda: not app.session.runs.timeline.playing, "it does not end")
-    tab.press("Forget the track")
+    tab.press("track.remove")
     tab.until(lambda: not tab.is_visible("/track/path"), "it stays on the page")
 
 
@@ -89,9 +89,9 @@ def test_a_track_that_is_stopped_keeps_what_it_has(
     app = serve(small_work(sure_place))
     tab = open_tab(app)
     tab.turn_to("Estimate")
-    tab.upload("Track a video", video(60, times=20))  # minutes, for a press of a busy browser may take seconds
+    tab.upload("track.upload", video(60, times=20))  # minutes, for a press of a busy browser may take seconds
     tab.until(lambda: frames(app) > 0, "no frame is tracked", 180)
-    tab.page.get_by_role("button", name="Stop now", exact=True).first.click()
+    tab.press("status.next.cancel")
     tab.until(lambda: app.session.job is None, "it goes on")
     kept = frames(app)
     assert 0 < kept < 20 * 60
@@ -103,7 +103,7 @@ def test_what_is_no_video_is_refused_in_a_sentence(serve: Serve, open_tab: OpenT
     app = serve(small_work(sure_place))
     tab = open_tab(app)
     tab.turn_to("Estimate")
-    tab.upload("Track a video", tmp_path / "broken.mp4")
+    tab.upload("track.upload", tmp_path / "broken.mp4")
     tab.until(lambda: app.session.trouble is not None, "nothing is said")
     trouble = app.session.trouble
     assert trouble is not None and "cannot be read as a video" in trouble.body and str(tmp_path) not in trouble.body

@@ -49,11 +49,11 @@ def test_an_uploaded_field_is_opened_and_a_broken_one_leaves_the_place(
     tab = open_tab(app)
     tab.turn_to("Scene")
     first = app.session.place
-    tab.upload("Open a file", broken)
+    tab.upload("place.upload", broken)
     tab.until(lambda: tab.says("is not a whole nerfnav field"), "the broken file is not refused")
     tab.until_idle()
     assert app.session.place is first and not tab.page.get_by_text(str(tempfile.gettempdir())).count()
-    tab.upload("Open a file", whole)
+    tab.upload("place.upload", whole)
     tab.until(lambda: app.session.place is not first and app.session.job is None, "the field was not opened")
     opened = app.session.place
     assert opened is not None and opened.name == "mine"
@@ -86,12 +86,12 @@ def test_what_is_uploaded_becomes_a_place_in_which_one_plans(
     tab = open_tab(app)
     tab.turn_to("Scene")
     first = app.session.place
-    tab.upload("Open a file", write(tmp_path))
+    tab.upload("place.upload", write(tmp_path))
     tab.until(lambda: app.session.place is not first and app.session.place is not None, "it was not opened", 180)
     tab.until(lambda: app.session.job is None, "its surface was not shaped")
     place = app.session.place
     assert place is not None and place.field.box.size.max() < 20
-    tab.press("Plan the way")
+    tab.press("status.next.start_plan")
     tab.until(lambda: app.session.job is None and app.session.plan is not None, "the plan did not end")
     plan = app.session.plan
     assert plan is not None and plan.latest is not None and plan.outcome is not None, app.session.trouble

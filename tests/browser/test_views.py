@@ -11,8 +11,8 @@ from nerfnav_app.queries.density_slice import DensitySliceQuery
 from nerfnav_app.queries.field_view import FieldViewQuery
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import MoveEnd
+from nerfnav_app.state.flight import FlightSettings
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.settings import FlightSettings
 from nerfnav_app.state.view import Backdrop
 from tests.app.doubles import ScriptedWork, flight_step
 from tests.browser.tab import Tab
@@ -41,20 +41,20 @@ def rendered(app: App) -> list[FieldViewQuery]:
 def test_slice_occupied_space_and_surface_are_shown_as_asked(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    tab.unfold("Scene", "View")
-    tab.check("Scene", "Density slice")
+    tab.unfold("view_settings.camera")
+    tab.check("view_settings.sliced")
     tab.until(lambda: tab.is_visible("/slice"), "no slice is shown")
     assert DensitySliceQuery.result_in(app.session) is not None
     place = app.session.place
     assert place is not None
     wide = pytest.approx(float(place.field.box.size[0]))
     tab.until(lambda: tab.property("/slice", "render_width") == wide, "the slice is not as wide as the place")
-    tab.check("Scene", "Occupied")
+    tab.check("view_settings.occupied")
     tab.until(lambda: tab.is_visible("/space/occupied"), "occupied space is not shown")
     tab.until(lambda: len(tab.property("/space/occupied", "points")) > 300, "there is little of it")
-    tab.check("Scene", "Density slice")
+    tab.check("view_settings.sliced")
     tab.until(lambda: not tab.is_visible("/slice"), "the slice stays")
-    tab.choose("Scene", "Field", Backdrop.NOTHING.value)
+    tab.choose("view_settings.backdrop", Backdrop.NOTHING.value)
     tab.until(lambda: not tab.is_visible("/field"), "the surface stays")
     tab.load()
     tab.until(
@@ -65,8 +65,8 @@ def test_slice_occupied_space_and_surface_are_shown_as_asked(serve: Serve, open_
 def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(small_work())
     first, second = open_tab(app), open_tab(app)
-    first.unfold("Scene", "View")
-    first.choose("Scene", "Field", Backdrop.RENDER.value)
+    first.unfold("view_settings.camera")
+    first.choose("view_settings.backdrop", Backdrop.RENDER.value)
     first.until(lambda: len(rendered(app)) == 2, "a tab has no rendering of its own")
     second.page.bring_to_front()
     before = second.settled(lambda: dict(app.session.eyes))
@@ -91,7 +91,7 @@ def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Se
 def test_a_click_into_the_scene_puts_an_end_there(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    tab.press("goal")
+    tab.press("ends.aim", "goal")
     tab.until(lambda: app.session.aiming is EndRole.GOAL, "nothing aims")
     tab.click_at((-0.4, -0.5, 0.38))
     tab.until(lambda: app.session.ends.goal.position[0] < 0, "the goal did not move")
@@ -108,20 +108,20 @@ def test_an_occupied_end_is_offered_the_nearest_free_place(serve: Serve, open_ta
     tab = open_tab(app)
     end = app.session.ends.start
     app.post(MoveEnd(EndRole.START, type(end)((0.0, 0.05, 0.3), end.yaw)))
-    button = "Move the start to the nearest free point"
-    tab.until(lambda: tab.page.get_by_role("button", name=button).is_visible(), "nothing is offered")
+    button = tab.button("ends.offers.start")
+    tab.until(button.is_visible, "nothing is offered")
     tab.until(lambda: tab.property("/start/label", "text") == "start: no room", "the handle does not say so")
-    tab.page.get_by_role("button", name=button).click()
+    button.click()
     tab.until(lambda: app.session.problems.get(EndRole.START, "?") is None, "the robot does not fit there either")
-    tab.until(lambda: not tab.page.get_by_role("button", name=button).is_visible(), "the offer stays")
+    tab.until(lambda: not button.is_visible(), "the offer stays")
 
 
 def test_planners_are_drawn_side_by_side(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    tab.press("Compare planners")
+    tab.press("plan.compare")
     tab.until(lambda: len(app.session.comparison) >= 2, "no planner has ended", 300)
-    tab.press("Stop now")
+    tab.press("status.next.cancel")
     tab.until_idle("the comparison goes on")
     for result in app.session.comparison[:2]:
         assert result.motion is not None
@@ -135,12 +135,12 @@ def test_weights_and_duration_are_set_in_the_page_and_refused_where_they_make_no
 ) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    tab.unfold("Plan", "Weights")
-    tab.page.get_by_label("Collision", exact=True).fill("5")
-    tab.page.get_by_label("Duration [s]", exact=True).fill("3")
+    tab.unfold("plan.settings.weights.collision")
+    tab.box("plan.settings.weights.collision").fill("5")
+    tab.box("plan.settings.duration").fill("3")
     tab.until(lambda: app.session.plan_settings.weights.collision == 5.0, "the weight was not taken")
     tab.until(lambda: app.session.plan_settings.duration_s == 3.0, "the duration was not taken")
-    tab.page.get_by_label("Collision", exact=True).fill("-7")
+    tab.box("plan.settings.weights.collision").fill("-7")
     tab.until(lambda: tab.says("Collision must be from 0 to 1e+06"), "nobody complains")
     assert app.session.plan_settings.weights.collision == 5.0
 
@@ -149,16 +149,16 @@ def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) 
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(2000)]
     app = serve(ScriptedWork({JobKind.FLY: [*steps, JobResult()]}))
     tab = open_tab(app)
-    tab.unfold("Fly", "Settings")
-    tab.choose("Fly", "Speed", "real time")
+    tab.unfold("flight.settings.speed")
+    tab.choose("flight.settings.speed", "real time")
     tab.until(lambda: app.session.flight_settings == FlightSettings(pace=1.0), "the speed was not taken")
     tab.key("f")
     tab.until(lambda: app.session.steps_reported > 3, "it does not fly")
-    tab.press("Gust")
+    tab.press("flight.gust")
     tab.until(lambda: app.session.job is not None and app.session.job.gusts == 1, "no gust blows")
     tab.until(lambda: tab.page.locator(".uplot").locator("visible=true").count() == 1, "there is no chart")
     tab.until(lambda: tab.is_visible("/flight/attitude"), "the attitude's uncertainty is not drawn")
-    tab.press("Stop now")
+    tab.press("status.next.cancel")
     tab.until(lambda: app.session.job is None, "it flies on")
     assert app.session.steps_reported < 2000
 

@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from nerfnav.estimator.paper.adam import DescentConfig
-from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.estimator.core.filter_config import DescentConfig, FilterConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig
 from nerfnav.geometry import Box
 from nerfnav.navigation.flight import NavigateConfig
@@ -27,7 +26,7 @@ def roomy_place() -> Place:
 
 def small_work(place: Callable[[], Place] = roomy_place) -> NavigationBackend:
     """Real jobs in a place, among three balls where nothing is said, with few iterations."""
-    pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
+    pose_filter = FilterConfig(pixels=PixelConfig(count=64), descent=DescentConfig(iterations=15), process_noise=_CALM)
     return NavigationBackend(
         open=partial(scene.run, opener=lambda _: place()),
         plans={"fast": FastPlanConfig()},

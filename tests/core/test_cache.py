@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.core.cache import cache_root, code_of, load_or_make
+from nerfnav.core.cache import cache_root, hash_code, load_or_make
 
 
 @pytest.fixture(autouse=True)
@@ -58,11 +58,11 @@ def test_only_the_latest_are_kept(folder: Path) -> None:
 
 def test_the_digest_of_code_changes_with_the_code(tmp_path: Path) -> None:
     (tmp_path / "a.py").write_text("one")
-    before = code_of(tmp_path)
+    before = hash_code(tmp_path)
     (tmp_path / "notes.txt").write_text("no code")
-    assert code_of(tmp_path) == before
+    assert hash_code(tmp_path) == before
     (tmp_path / "a.py").write_text("two")
-    assert code_of(tmp_path) != before
+    assert hash_code(tmp_path) != before
 
 
 def test_the_cache_is_where_the_user_wants_it(tmp_path: Path) -> None:

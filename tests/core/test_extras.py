@@ -15,7 +15,7 @@ from nerfnav.core.errors import MissingExtraError
 from nerfnav.core.extras import import_extra
 from nerfnav.experiments import planners
 from nerfnav.experiments.figures import panels
-from nerfnav.experiments.reflight import FlownConfig, Track, Wish, fly_crazyflie, fly_quick
+from nerfnav.experiments.reflight import FlownConfig, Setpoint, Track, fly_crazyflie, fly_quick
 from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros_bags import mcap, rosbag2
@@ -51,7 +51,7 @@ def depth(name: str, folder: Path) -> None:
     stored_depth(DepthFile(folder / name, size=(1, 1)))
 
 
-HOVER = Track(lambda _: Wish(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0), 0.1)
+HOVER = Track(lambda _: Setpoint(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0), 0.1)
 _DEPTH = r"the depth of this capture \(--depth off learns from its pictures alone\)"
 USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     "ompl": ("baselines", "the planner rrt", lambda _: require_ompl()),
@@ -113,10 +113,10 @@ def test_the_app_has_every_extra_that_it_offers() -> None:
 
 
 def test_planners_are_compared_without_the_one_that_is_missing(hide: Callable[[str], None]) -> None:
-    assert planners.missing() == {}
+    assert planners.missing_planners() == {}
     hide("ompl")
-    assert list(planners.missing()) == ["rrt"]
-    assert "pip install 'nerfnav[baselines]'" in planners.missing()["rrt"]
+    assert list(planners.missing_planners()) == ["rrt"]
+    assert "pip install 'nerfnav[baselines]'" in planners.missing_planners()["rrt"]
 
 
 def test_what_is_installed_is_given() -> None:

@@ -13,7 +13,7 @@ import torch
 
 from nerfnav.core.jit import Kernel, default_threads, kernel, prange, report_compilation, threads
 from nerfnav.core.kernel_cache import cache_folder
-from nerfnav.field.kernels import carving
+from nerfnav.field.proof import carving
 
 ROOT = Path(__file__).parents[2]
 
@@ -43,7 +43,7 @@ def test_kernels_that_are_made_in_several_threads_at_once_are_all_kept_in_their_
 
 def test_machine_code_is_shared_by_all_installations_of_the_same_kernels() -> None:
     located = carving.look_through._dispatcher._cache
-    assert Path(located._cache_path) == cache_folder() / "field_kernels"
+    assert Path(located._cache_path) == cache_folder() / "field_proof"
     elsewhere = Kernel(lambda x: x, {"cache": True})._dispatcher._cache
     assert Path(elsewhere._cache_path).parent == cache_folder()
     assert Path(__file__).parent.name in Path(elsewhere._cache_path).name, "of others, numba keeps apart the folders"
@@ -86,6 +86,7 @@ def test_plans_and_updates_wake_up_no_pool_of_threads() -> None:
         "torch.set_num_threads(1)\n"
         "import os\n"
         "from tests.planner.objective.test_objective import room, ROBOT, START, GOAL\n"
+        "from nerfnav.core.steps import run_steps\n"
         "from nerfnav.planner.solvers.fast import plan_fast\n"
         "from nerfnav.planner.objective.problem import PlanProblem\n"
         "from nerfnav.estimator.gauss_newton.fast_filter import FastFilter\n"
@@ -96,7 +97,7 @@ def test_plans_and_updates_wake_up_no_pool_of_threads() -> None:
         "camera, field = Camera.from_fov(40, 40, 90), room()\n"
         "picture = render_image(field, camera, START.pose.compose(FORWARD_MOUNT)).image\n"
         "for _ in range(2):\n"
-        "    *_, plan = plan_fast(PlanProblem(field, ROBOT, START, GOAL))\n"
+        "    plan = run_steps(plan_fast(PlanProblem(field, ROBOT, START, GOAL)))\n"
         "    belief = Belief(START, StateNoise().covariance())\n"
         "    [*FastFilter(field, ROBOT, camera).correct(belief, picture, torch.Generator().manual_seed(0))]\n"
         "own = os.getpid()\n"
@@ -111,25 +112,25 @@ def test_plans_and_updates_wake_up_no_pool_of_threads() -> None:
     assert others <= 0.1 * own, f"another thread computed for {others} ticks of {own}"
 
 
-def test_compilation_is_told_once_for_a_kernel_with_those_that_it_calls_and_only_in_its_own_thread() -> None:
-    told: list[bool] = []
+def test_compilation_is_reported_once_for_a_kernel_with_those_that_it_calls_and_only_in_its_own_thread() -> None:
+    reports: list[bool] = []
     inner = Kernel(lambda x: x + 1, {})
 
     def outer(x: float) -> float:
         return inner(x) + 1
 
-    with report_compilation(told.append):
+    with report_compilation(reports.append):
         assert Kernel(outer, {})(1.0) == 3.0
-        assert told == [True, False]
+        assert reports == [True, False]
         with ThreadPoolExecutor(1) as pool:
             assert pool.submit(Kernel(lambda x: x + 2, {}), 1.0).result() == 3.0
     Kernel(lambda x: x + 3, {})(1.0)
-    assert told == [True, False]
+    assert reports == [True, False]
 
 
 def test_reading_machine_code_from_the_cache_is_no_compilation() -> None:
-    told: list[bool] = []
+    reports: list[bool] = []
     squares(np.arange(3.0))
-    with report_compilation(told.append):
+    with report_compilation(reports.append):
         np.testing.assert_array_equal(Kernel(squares._function, squares._options)(np.arange(3.0)), [0.0, 1.0, 4.0])
-    assert told == []
+    assert reports == []

@@ -15,13 +15,14 @@ from torch import Tensor
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
-from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.experiments.arena import Arena, make_renderer, take_picture
 from nerfnav.experiments.disturbed_flights import DT, Trial, fly_disturbed
 from nerfnav.experiments.estimation import errors_of
-from nerfnav.experiments.held_out_views import make_renderer, take_picture
-from nerfnav.experiments.study import Arena, Row
+from nerfnav.experiments.study import Row
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.robots import CAMERA, StateNoise
@@ -111,8 +112,7 @@ def followed(filter_: FastFilter, flight: Flight, change: Change | None) -> list
     belief, rows = Belief(start, FIRST.covariance()), []
     for step, (action, image) in enumerate(zip(actions, images, strict=True)):
         seen = image if change is None else change(image, step, chance)
-        *_, last = filter_.update(belief, seen, action, DT, generator)
-        assert last.posterior is not None
+        last = run_steps(filter_.update(belief, seen, action, DT, generator))
         belief = last.posterior
         rows.append(errors_of(belief, states[step + 1]))
     return rows

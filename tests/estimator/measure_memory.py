@@ -13,8 +13,9 @@ from pathlib import Path
 
 import torch
 
+from nerfnav.core.steps import run_steps
+from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
-from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.robots import StateNoise
@@ -52,8 +53,7 @@ def memory_over(updates: int, every: int) -> Iterator[Memory]:
         for index in range(1, updates + 1):
             seen = torch.zeros_like(image) if index % DARK == 0 else image
             seen = noise if index % NOISY == 0 else seen
-            *_, last = estimator.update(belief, seen, HOVER, 0.1, generator)
-            assert last.posterior is not None
+            last = run_steps(estimator.update(belief, seen, HOVER, 0.1, generator))
             belief = last.posterior
             if index % every == 0:
                 gc.collect()

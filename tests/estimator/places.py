@@ -1,16 +1,17 @@
 """A tiny place to estimate in: soft balls all around, a small wide camera, a quadrotor that hovers."""
 
+from collections.abc import Generator
 from functools import cache
+from typing import NamedTuple, TypeVar
 
 import torch
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterStep
+from nerfnav.estimator.core.filter_step import Estimator, FilterResult, FilterStep
 from nerfnav.estimator.core.prediction import predict
-from nerfnav.estimator.core.protocol import Estimator
 from nerfnav.estimator.paper.cost import PoseCost
-from nerfnav.estimator.photometric.residuals import ColorNoise, Observation
+from nerfnav.estimator.photometric.residuals import ColorNoise, FieldCamera, Observation
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.levels import raw_of
@@ -29,6 +30,8 @@ CAMERA = Camera.from_fov(24, 20, 90)
 BOX = Box.of((-1.0, -1.0, -0.2), (1.0, 1.0, 0.8))
 HERE = RigidState.at_rest((-0.3, 0.0, 0.25))
 COLOR_STD = 0.02
+Step = TypeVar("Step")
+Result = TypeVar("Result")
 DT = 0.1
 
 
@@ -57,7 +60,7 @@ def picture(field: Field, state: RigidState, noise: torch.Generator | None = Non
 def cost_at(truth: RigidState, prediction: Belief, colors: ColorNoise | None = None) -> PoseCost:
     """J for the picture taken at `truth`, over all pixels."""
     field = balls()
-    observation = Observation.of(picture(field, truth), CAMERA.pixels(), (field, CAMERA, FORWARD_MOUNT))
+    observation = Observation.of(picture(field, truth), CAMERA.pixels(), FieldCamera(field, CAMERA, FORWARD_MOUNT))
     return PoseCost.of(observation, prediction, ColorNoise(std=COLOR_STD, alike=1.0) if colors is None else colors)
 
 
@@ -67,19 +70,33 @@ def near(state: RigidState, seed: int, noise: StateNoise | None = None) -> Belie
     return Belief(state.retract(noise.sample(draws(seed))), noise.covariance())
 
 
-def updated(estimator: Estimator, noise: StateNoise, seed: int) -> tuple[list[FilterStep], RigidState, Belief]:
-    """The steps of one update, the truth, and the prediction: belief and truth are off by draws of the noise."""
+def collect(generator: Generator[Step, None, Result]) -> tuple[list[Step], Result]:
+    """Run a generator; returns its steps and its result."""
+    steps: list[Step] = []
+    while True:
+        try:
+            steps.append(next(generator))
+        except StopIteration as end:
+            return steps, end.value
+
+
+class Updated(NamedTuple):
+    """One update of a simulated robot."""
+
+    steps: list[FilterStep]
+    result: FilterResult
+    truth: RigidState
+    prediction: Belief
+
+
+def updated(estimator: Estimator, noise: StateNoise, seed: int) -> Updated:
+    """Update once: belief and truth are off by draws of the noise."""
     generator = draws(seed)
     belief = Belief(HERE.retract(noise.sample(generator)), noise.covariance())
     truth = ROBOT.step(HERE, HOVER, DT).retract(noise.sample(generator))
     image = picture(balls(), truth, generator)
-    steps = list(estimator.update(belief, image, HOVER, DT, generator))
-    return steps, truth, predict(belief, HOVER, ROBOT, DT, noise)
-
-
-def posterior(step: FilterStep) -> Belief:
-    assert step.posterior is not None
-    return step.posterior
+    steps, result = collect(estimator.update(belief, image, HOVER, DT, generator))
+    return Updated(steps, result, truth, predict(belief, HOVER, ROBOT, DT, noise))
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What no picture improves upon, measured on photographs."""
+"""Map error, measured on held-out photographs."""
 
 from dataclasses import replace
 
@@ -27,18 +27,18 @@ def photographs(shift: float) -> PosedImages:
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.02])
-def test_the_floor_is_how_far_fits_end_from_where_photographs_were_taken(shift: float) -> None:
-    floor = measure_map_error(voxel_balls(), photographs(shift), ColorNoise(std=0.02), draws(0))
-    std = torch.tensor(floor).reshape(6, 6).diagonal().sqrt()
+def test_the_map_error_is_the_distance_of_fits_from_the_poses_of_photographs(shift: float) -> None:
+    map_error = measure_map_error(voxel_balls(), photographs(shift), ColorNoise(std=0.02), draws(0))
+    std = torch.tensor(map_error).reshape(6, 6).diagonal().sqrt()
     assert std[0] == pytest.approx(shift, abs=0.003)
     assert (std[1:3] < 0.004).all() and (std[3:] < 0.006).all()
 
 
 def test_errors_that_their_own_covariances_explain_are_not_counted_twice() -> None:
     generator, count = draws(1), 400
-    told = torch.diag_embed(torch.rand(count, 6, generator=generator).double() * 2 + 0.5)
-    noise = told.diagonal(dim1=1, dim2=2).sqrt() * torch.randn(count, 6, generator=generator).double()
-    assert (fit_map_error(noise, told).diagonal() < 0.4).all()
-    lasting = torch.tensor([3.0, 1.0, 2.0, 3.0, 1.0, 2.0]).double()
-    errors = noise + lasting * torch.randn(count, 6, generator=generator).double()
-    torch.testing.assert_close(fit_map_error(errors, told).diagonal().sqrt(), lasting, rtol=0.2, atol=0.0)
+    reported = torch.diag_embed(torch.rand(count, 6, generator=generator).double() * 2 + 0.5)
+    noise = reported.diagonal(dim1=1, dim2=2).sqrt() * torch.randn(count, 6, generator=generator).double()
+    assert (fit_map_error(noise, reported).diagonal() < 0.4).all()
+    biases = torch.tensor([3.0, 1.0, 2.0, 3.0, 1.0, 2.0]).double()
+    errors = noise + biases * torch.randn(count, 6, generator=generator).double()
+    torch.testing.assert_close(fit_map_error(errors, reported).diagonal().sqrt(), biases, rtol=0.2, atol=0.0)

@@ -1,9 +1,9 @@
-"""What pictures tell of the state where the field errs alike in all of them."""
+"""Schmidt-Kalman update: pictures in a field that errs alike in all of them."""
 
 import torch
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.schmidt_kalman import add_consider_covariance, correct_schmidt_kalman
+from nerfnav.estimator.map_error import add_consider_covariance, correct_schmidt_kalman
 from nerfnav.robots import RandomAcceleration, RigidState
 
 STILL = RigidState.at_rest((0.1, 0.2, 0.3)).map(lambda tensor: tensor.double())
@@ -21,21 +21,21 @@ def pose_alone(matrix: torch.Tensor) -> torch.Tensor:
 
 
 def test_a_picture_moves_the_state_as_one_with_the_noise_of_both_would() -> None:
-    before, floor = Belief(STILL, spread(0.02, 0)), pose_alone(spread(0.03, 1))
+    before, map_error = Belief(STILL, spread(0.02, 0)), pose_alone(spread(0.03, 1))
     measured, noise = pose_alone(spread(0.01, 2)), 1e-9 * torch.eye(12).double()
     shows = torch.eye(12).double()[[0, 1, 2, 6, 7, 8]]
-    told = shows @ measured @ shows.T
+    reported = shows @ measured @ shows.T
     difference = torch.tensor([1e-3, -2e-3, 1e-3, 0.0, 1e-3, 2e-3]).double()
-    seen = add_consider_covariance(before, floor)
+    seen = add_consider_covariance(before, map_error)
 
     def corrected(covariance: torch.Tensor, error: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         gain = covariance @ shows.T @ torch.linalg.inv(shows @ covariance @ shows.T + error)
         return gain @ difference, covariance - gain @ shows @ covariance
 
-    change, covariance = corrected(seen.covariance, told)
+    change, covariance = corrected(seen.covariance, reported)
     found = Belief(STILL.retract(change), covariance + noise)
-    mine = correct_schmidt_kalman(found, before, floor, NOISE)
-    change, covariance = corrected(before.covariance, told + shows @ floor @ shows.T)
+    mine = correct_schmidt_kalman(found, before, map_error, NOISE)
+    change, covariance = corrected(before.covariance, reported + shows @ map_error @ shows.T)
     torch.testing.assert_close(before.mean.local(mine.mean), change, rtol=0.02, atol=2e-5)
     torch.testing.assert_close(mine.covariance, covariance, rtol=0.01, atol=1e-7)
 

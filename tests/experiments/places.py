@@ -5,10 +5,11 @@ from functools import cache
 import torch
 import trimesh
 
-from nerfnav.experiments.study import Arena
+from nerfnav.experiments.arena import Arena
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 
 BOX = Box.of((-1, -1, 0), (1, 1, 1))
 TASKS = (

@@ -1,4 +1,4 @@
-"""Whole flights: which are flown, what is told of each, and how they are summed up."""
+"""Whole flights: which are flown, what is reported of each, and how they are summed up."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,12 +8,13 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import closed_loop_flight
-from nerfnav.experiments.closed_loop import picture, run, summary_of, trials_of, wilson
-from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, fly, is_silent, random_task
+from nerfnav.experiments.closed_loop import draw_figure, fly, is_silent, run, summarize, trials_of, wilson
+from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, random_task
 from nerfnav.experiments.flight_options import FlightOptions
-from nerfnav.experiments.study import Results, Study
-from nerfnav.navigation import FlightRequest, LoopEvent, NavigationStack, Simulator
+from nerfnav.experiments.study import Study
+from nerfnav.navigation import FlightRequest, FlightStep, NavigationStack, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
@@ -108,12 +109,12 @@ def test_equal_seeds_give_equal_flights_with_the_state_known() -> None:
 
 
 def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monkeypatch: pytest.MonkeyPatch) -> None:
-    floor, pilots = tuple((1e-4 * torch.eye(6)).flatten().tolist()), []
+    floor, stacks = tuple((1e-4 * torch.eye(6)).flatten().tolist()), []
 
     def listened(
-        mission: FlightRequest, simulator: Simulator, pilot: NavigationStack, *rest: object
-    ) -> Iterator[LoopEvent]:
-        pilots.append(pilot)
+        request: FlightRequest, simulator: Simulator, stack: NavigationStack, *rest: object
+    ) -> Iterator[FlightStep]:
+        stacks.append(stack)
         return iter(())
 
     monkeypatch.setattr(closed_loop_flight, "navigate", listened)
@@ -121,12 +122,12 @@ def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monke
     place = replace(place, field=replace(place.field, info=replace(place.field.info, pose_floor=floor)))
     for known in (False, True):
         fly(place, FlightTrial(TASKS[0], 1, known=known))
-    seen, told = pilots
-    assert seen.lasting.numbers == floor and torch.equal(seen.lasting.mount.rotation, Quadrotor().mount.rotation)
-    assert not told.lasting.numbers, "who is told the state compares no pictures"
+    seen, told = stacks
+    assert seen.map_error.numbers == floor and torch.equal(seen.map_error.mount.rotation, Quadrotor().mount.rotation)
+    assert not told.map_error.numbers, "who is told the state compares no pictures"
 
 
-def test_a_flight_that_the_field_refuses_is_told_as_such() -> None:
+def test_a_flight_that_the_field_refuses_is_reported_as_such() -> None:
     inside = Task("Into the column", (-0.7, 0.0, 0.5), (0.0, 0.0, 0.5))
     row = fly(column(), FlightTrial(inside, 0, known=True))["row"]
     assert row["outcome"] == "refused" and row["final_m"] is None and row["steps"] == 0
@@ -164,20 +165,19 @@ def flight(outcome: str, state: str = "camera", ends: str = "tasks") -> dict:
 
 def test_the_summary_counts_flights_by_camera_and_tells_those_with_the_truth_apart() -> None:
     flights = [flight("reached"), flight("collided"), flight("reached", ends="random"), flight("reached", "known")]
-    summary = summary_of(flights)
+    summary = summarize(flights)
     assert (summary["trials"], summary["reached"], summary["collided"], summary["touched"]) == (3, 2, 1, 1)
     assert summary["truth_reached"] == summary["truth"]["trials"] == 1
     assert summary["tasks"]["trials"] == 2 and summary["random"]["reached"] == 1
     assert summary["position_median_m"] == pytest.approx(0.02) and summary["nees_mean"] == 12
     assert summary["inside_95"] == 0.5 and summary["step_max_ms"] == 6
-    assert summary_of(flights[:3])["truth_reached"] is None
-    assert len(picture(flights).axes[0].patches) == 3
+    assert summarize(flights[:3])["truth_reached"] is None
+    assert len(draw_figure(flights).axes[0].patches) == 3
 
 
 @pytest.mark.slow
 def test_flights_by_camera_and_with_the_truth_fill_one_table() -> None:
-    *_, results = run(Study(column, TASKS, trials=2, flights=TRUTH))
-    assert isinstance(results, Results)
+    results = run_steps(run(Study(column, TASKS, trials=2, flights=TRUTH)))
     assert [(row["ends"], row["state"]) for row in results.rows] == [
         ("tasks", "camera"), ("tasks", "known"), ("random", "camera"), ("random", "known")
     ]  # fmt: skip

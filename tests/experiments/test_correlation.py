@@ -1,12 +1,12 @@
-"""Loss against overlap where both can be told beforehand."""
+"""Loss against overlap where both are known beforehand."""
 
 import numpy as np
 import pytest
 import torch
 
-from nerfnav.experiments.correlation import Watch, overlap_along, picture, summary_of, watch
+from nerfnav.experiments.correlation import PlanTrial, draw_figure, observe_plan, overlap_along, summarize
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import column
 
 
@@ -21,10 +21,10 @@ def test_the_overlap_of_a_straight_way_through_is_volume_times_way() -> None:
 @pytest.mark.slow
 def test_a_plan_that_begins_in_the_column_leaves_it() -> None:
     past = Task("Past", (-0.7, 0.18, 0.5), (0.7, 0.18, 0.5))
-    rows = watch(column(), Watch(past, iterations=160, every=2))
+    rows = observe_plan(column(), PlanTrial(past, iterations=160, every=2))
     assert rows[0]["overlap_m4"] > 0 and rows[-1]["overlap_m4"] == 0
     assert rows[-1]["loss"] < 0.05 * rows[0]["loss"]
-    summary = summary_of(rows)
+    summary = summarize(rows)
     assert summary["spearman_median"] > 0.9
     assert summary["final_overlaps"] == 0
 
@@ -36,15 +36,15 @@ def test_only_iterations_until_the_plan_is_free_are_correlated() -> None:
         {"task": "a", "iteration": k, "loss": a, "overlap_m4": b}
         for k, (a, b) in enumerate(zip(loss, overlap, strict=True))
     ]
-    summary = summary_of(rows)
+    summary = summarize(rows)
     assert summary["spearman_median"] == pytest.approx(1.0)
     assert summary["spearman_all_iterations"] < 1.0
     assert np.isfinite(summary["spearman_pooled"])
-    assert len(picture(rows).axes) == 2
+    assert len(draw_figure(rows).axes) == 2
 
 
 def test_plans_that_touch_nothing_are_counted_and_not_correlated() -> None:
     rows = [{"task": "a", "iteration": k, "loss": 1.0 - k, "overlap_m4": 0.0} for k in range(6)]
-    summary = summary_of(rows)
+    summary = summarize(rows)
     assert summary["plans"] == 1 and summary["plans_that_touched"] == 0
     assert summary["spearman_median"] is None and summary["final_overlaps"] == 0

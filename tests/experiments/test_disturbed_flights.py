@@ -7,7 +7,7 @@ from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.experiments.disturbed_flights import Trial, fly_disturbed
 from nerfnav.world.contact import contact_check
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import PAST, column
 
 AWAY = Task("Out of the box, with the back to the column", (0.6, 0.0, 0.5), (0.85, 0.0, 0.5), 0.0, 0.0)

@@ -5,10 +5,11 @@ import math
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.experiments.estimation import METHODS, picture, run, summary_of
+from nerfnav.experiments.estimation import METHODS, draw_figure, run, summarize
 from nerfnav.experiments.estimation import errors_of as judge
-from nerfnav.experiments.study import Results, Row, Study
+from nerfnav.experiments.study import Row, Study
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.experiments.places import PAST, column
@@ -35,7 +36,7 @@ def test_a_belief_is_judged_by_its_own_covariance() -> None:
 def test_errors_are_summed_over_all_steps_and_at_the_end() -> None:
     rows = [row("nerfnav", step, 0.03 if step == 20 else 0.01) for step in range(1, 21)]
     rows += [row("inerf", step, 0.3) for step in range(1, 21)]
-    summary = summary_of(rows)
+    summary = summarize(rows)
     own = summary["methods"]["nerfnav"]
     assert own["position_rmse_m"] == pytest.approx(math.sqrt((19 * 0.01**2 + 0.03**2) / 20))
     assert own["final_position_rmse_m"] == pytest.approx(0.03) and own["diverged"] == 0 and own["trials"] == 1
@@ -45,7 +46,7 @@ def test_errors_are_summed_over_all_steps_and_at_the_end() -> None:
 
 
 def test_the_figure_has_mean_and_band_of_both_methods_for_each_error() -> None:
-    axes = picture([row(method, step, 0.01 * step) for method in METHODS for step in range(1, 21)]).axes
+    axes = draw_figure([row(method, step, 0.01 * step) for method in METHODS for step in range(1, 21)]).axes
     assert len(axes) == 4
     for ax in axes:
         assert [line.get_label() for line in ax.lines] == list(METHODS) and len(ax.collections) == 2
@@ -54,8 +55,7 @@ def test_the_figure_has_mean_and_band_of_both_methods_for_each_error() -> None:
 
 @pytest.mark.slow
 def test_both_methods_follow_every_flight() -> None:
-    *_, results = run(Study(column, (PAST,), trials=1))
-    assert isinstance(results, Results)
+    results = run_steps(run(Study(column, (PAST,), trials=1)))
     assert [(entry["method"], entry["step"]) for entry in results.rows] == [
         (method, step) for method in METHODS for step in range(1, 21)
     ]

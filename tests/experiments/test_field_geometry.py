@@ -41,10 +41,10 @@ def test_only_what_three_cameras_see_is_counted(scene: Scene):
     away = look_at(torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[0.0, 0.0, 2.0]]))
     assert views(scene.mesh, points, _CAMERA, away, 0.01).tolist() == [0, 0]
     # of a ball seen from 1 m, the cap above z = r^2 / d shows: (1 - 0.3) / 2 of the surface
-    report = measure_geometry(_field(), _VOXEL, scene, (_CAMERA, _above(3)), _CONFIG)
+    report = measure_geometry(_field(), _VOXEL, scene, _CAMERA, _above(3), _CONFIG)
     assert report.surface_points / _CONFIG.surface_points == pytest.approx(0.35, abs=0.03)
     with pytest.raises(InvalidInputError, match="cannot judge the field"):
-        measure_geometry(_field(), _VOXEL, scene, (_CAMERA, _above(2)), _CONFIG)
+        measure_geometry(_field(), _VOXEL, scene, _CAMERA, _above(2), _CONFIG)
 
 
 def test_optical_depth_is_the_density_inside_times_half_the_length():
@@ -55,14 +55,14 @@ def test_optical_depth_is_the_density_inside_times_half_the_length():
 
 @pytest.mark.parametrize(("peak", "opaque", "solid"), [(20, 0, 0), (50, 1, 0), (200, 1, 1)])
 def test_a_ball_is_opaque_from_the_density_on_that_three_voxels_ask_for(scene, peak: float, opaque: int, solid: int):
-    report = measure_geometry(_field(peak=peak), _VOXEL, scene, (_CAMERA, _above(3)), _CONFIG)
+    report = measure_geometry(_field(peak=peak), _VOXEL, scene, _CAMERA, _above(3), _CONFIG)
     assert (report.surface_depth_1, report.surface_depth_2_3) == (opaque, solid)
     assert report.free_clear == 1
     assert report.voxel_m == _VOXEL
 
 
 def test_a_field_whose_ball_is_two_voxels_too_small_has_no_surface_there(scene: Scene):
-    report = measure_geometry(_field(_RADIUS - 2 * _VOXEL), _VOXEL, scene, (_CAMERA, _above(3)), _CONFIG)
+    report = measure_geometry(_field(_RADIUS - 2 * _VOXEL), _VOXEL, scene, _CAMERA, _above(3), _CONFIG)
     assert report.surface_depth_1 == 0
 
 
@@ -70,7 +70,7 @@ def test_fog_is_found_and_free_points_keep_three_voxels_away_and_out_of_the_ball
     around = scene.box.size.prod().item() - 4 / 3 * math.pi * (_RADIUS + 3 * _VOXEL) ** 3
     halo = replace(_field(), radii=torch.tensor([_RADIUS + 5 * _VOXEL]), peak=2.0)
     shell = 4 / 3 * math.pi * ((_RADIUS + 5 * _VOXEL) ** 3 - (_RADIUS + 3 * _VOXEL) ** 3)
-    report = measure_geometry(halo, _VOXEL, scene, (_CAMERA, _above(3)), _CONFIG)
+    report = measure_geometry(halo, _VOXEL, scene, _CAMERA, _above(3), _CONFIG)
     expected = around / scene.box.size.prod().item()
     assert report.free_points / _CONFIG.free_points == pytest.approx(expected, abs=0.02)
     assert 1 - report.free_clear == pytest.approx(shell / around, abs=0.02)
@@ -78,6 +78,6 @@ def test_fog_is_found_and_free_points_keep_three_voxels_away_and_out_of_the_ball
 
 def test_the_measure_draws_the_same_points_every_time(scene: Scene):
     soft = _field(softness=0.02)
-    first, second = (measure_geometry(soft, _VOXEL, scene, (_CAMERA, _above(3)), _CONFIG) for _ in range(2))
+    first, second = (measure_geometry(soft, _VOXEL, scene, _CAMERA, _above(3), _CONFIG) for _ in range(2))
     assert first == second
     assert np.isfinite(first.surface_depth_1)

@@ -15,7 +15,7 @@ from nerfnav.experiments.free_space_accuracy import (
     note_free_space,
 )
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import EMPTY_RAW, State, classify_nodes
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy, classify_nodes
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.proof.fusion import fuse_depth
 from nerfnav.geometry.images import PosedImages
@@ -32,14 +32,14 @@ def taken() -> PosedImages:
 @pytest.fixture(scope="module")
 def proven(taken: PosedImages) -> VoxelField:
     """What depth tells of the room."""
-    told = fuse_depth(taken, rooms.BOX, rooms.SHAPE)
-    raw = torch.where(told.known, told.raw, EMPTY_RAW)
-    values = torch.cat([raw[..., None], told.color], -1)
-    return VoxelField(rooms.BOX, values, torch.zeros(3), evidence=classify_nodes(told.free, raw))
+    depth = fuse_depth(taken, rooms.BOX, rooms.SHAPE)
+    raw = torch.where(depth.known, depth.raw, EMPTY_RAW)
+    values = torch.cat([raw[..., None], depth.color], -1)
+    return VoxelField(rooms.BOX, values, torch.zeros(3), evidence=classify_nodes(depth.free, raw))
 
 
 def test_a_field_that_knows_its_walls_takes_none_for_free_and_the_air_for_free(proven: VoxelField, taken: PosedImages):
-    found = measure_free_space_on_mesh(proven, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
+    found = measure_free_space_on_mesh(proven, rooms.VOXEL, rooms.room(), *rooms.cameras(taken), CONFIG)
     assert found.surface_taken_for_free == pytest.approx(0, abs=0.01)
     assert found.free_taken_for_free == pytest.approx(1, abs=0.05)
     assert found.unproven_share is not None and 0.2 < found.unproven_share < 0.6  # what lies behind the walls
@@ -47,15 +47,15 @@ def test_a_field_that_knows_its_walls_takes_none_for_free_and_the_air_for_free(p
 
 def test_a_field_without_its_plain_wall_is_found_out(taken: PosedImages):
     blind = rooms.field_without_the_plain_wall()
-    found = measure_free_space_on_mesh(blind, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
+    found = measure_free_space_on_mesh(blind, rooms.VOXEL, rooms.room(), *rooms.cameras(taken), CONFIG)
     assert found.surface_taken_for_free is not None
     assert found.surface_taken_for_free > 0.1  # a sixth of the walls, but for its border
     assert found.unproven_share is None
 
 
 def test_space_that_nothing_proves_is_not_taken_for_free(proven: VoxelField, taken: PosedImages):
-    shut = replace(proven, evidence=torch.full(rooms.SHAPE, int(State.UNPROVEN), dtype=torch.uint8))
-    found = measure_free_space_on_mesh(shut, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
+    shut = replace(proven, evidence=torch.full(rooms.SHAPE, int(Occupancy.UNPROVEN), dtype=torch.uint8))
+    found = measure_free_space_on_mesh(shut, rooms.VOXEL, rooms.room(), *rooms.cameras(taken), CONFIG)
     assert (found.surface_taken_for_free, found.free_taken_for_free, found.unproven_share) == (0, 0, 1)
 
 

@@ -7,10 +7,13 @@ import pytest
 import torch
 import trimesh
 
+from nerfnav.core.steps import run_steps
+from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.ground_robots import Drive, drive, outlines, run
-from nerfnav.experiments.study import Arena, Results, Study
+from nerfnav.experiments.study import Study
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 from tests.experiments.places import BOX
 
 ACROSS = torch.pi / 2
@@ -46,8 +49,7 @@ def test_a_couch_turns_through_the_door_and_one_that_may_not_turn_hits_the_wall(
 
 @pytest.mark.slow
 def test_wheels_pass_the_door_both_ways_without_sliding() -> None:
-    *_, results = run(Study(room, (ROLL, FLIGHT)))
-    assert isinstance(results, Results)
+    results = run_steps(run(Study(room, (ROLL, FLIGHT))))
     assert [row["robot"] for row in results.rows] == ["diffdrive"] * 2
     assert results.summary["wheel_drives"] == 2 and results.summary["wheel_touched"] == 0
     assert results.summary["wheel_lateral_speed_max_mps"] < 1e-6
@@ -59,13 +61,13 @@ def test_wheels_pass_the_door_both_ways_without_sliding() -> None:
 
 @pytest.mark.slow
 def test_a_task_that_begins_and_ends_with_other_headings_is_not_tried_with_a_held_one() -> None:
-    *_, results = run(Study(room, (replace(GAP, goal_yaw=0.0),)))
-    assert isinstance(results, Results) and len(results.rows) == 1 and results.summary["refused"] == 0
+    results = run_steps(run(Study(room, (replace(GAP, goal_yaw=0.0),))))
+    assert len(results.rows) == 1 and results.summary["refused"] == 0
 
 
 def test_a_drive_that_begins_in_the_wall_is_counted_as_refused() -> None:
-    *_, results = run(Study(room, (replace(ROLL, start=(0.0, 0.5, 0.2)),)))
-    assert isinstance(results, Results) and not results.rows
+    results = run_steps(run(Study(room, (replace(ROLL, start=(0.0, 0.5, 0.2)),))))
+    assert not results.rows
     assert results.summary["refused"] == 2 and results.summary["wheel_drives"] == 0
 
 

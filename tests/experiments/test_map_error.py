@@ -7,8 +7,8 @@ import pytest
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.map_error import position_floor
-from nerfnav.experiments.study import Arena
 from nerfnav.field import VoxelField, load_field, save_field
 from nerfnav_scenes.measure import main
 
@@ -23,7 +23,7 @@ def arena(name: str) -> Arena:
 def test_bundled_fields_know_it(name: str) -> None:
     field = arena(name).field
     assert field.info.position_floor_m is not None
-    assert 0 < field.info.position_floor_m < 0.1 * float(field.spacing.max())
+    assert 0 < field.info.position_floor_m < 0.1 * field.resolution
 
 
 @pytest.mark.slow

@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from nerfnav.experiments.planners import PLANNERS, Flight, fly, run, summary_of
+from nerfnav.core.steps import run_steps
+from nerfnav.experiments.planners import PLANNERS, Flight, fly, run, summarize
 from nerfnav.experiments.study import Results, Study
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import TASKS, column
 
 
 @pytest.fixture(scope="module")
 def results() -> Results:
-    *_, last = run(Study(column, TASKS))
-    assert isinstance(last, Results)
-    return last
+    return run_steps(run(Study(column, TASKS)))
 
 
 def test_every_planner_flies_every_task_without_touching(results: Results) -> None:
@@ -49,7 +48,7 @@ def test_the_summary_counts_touches_and_means() -> None:
     row = {"planner": "", "failed": False, "touched": False, "collision": 1.0, "effort": 20.0, "plan_ms": 5.0}
     rows = [row | {"planner": name} for name in PLANNERS]
     rows += [row | {"planner": "rrt", "failed": True, "touched": True, "collision": 3.0}]
-    summary = summary_of(rows)
+    summary = summarize(rows)
     assert summary["rrt"]["flights"] == 2 and summary["rrt"]["failures"] == 1
     assert summary["rrt"]["collision_mean"] == 2.0
     assert summary["nerfnav"]["touched"] == 0

@@ -2,8 +2,9 @@
 
 import pytest
 
-from nerfnav.experiments.relocalisation import run, summary_of
-from nerfnav.experiments.study import Results, Study
+from nerfnav.core.steps import run_steps
+from nerfnav.experiments.relocalisation import run, summarize
+from nerfnav.experiments.study import Study
 from tests.experiments.places import column
 
 ROW = {
@@ -12,11 +13,11 @@ ROW = {
 }  # fmt: skip
 
 
-def test_answers_that_are_sure_and_wrong_are_told_from_those_that_are_not_sure() -> None:
+def test_answers_that_are_sure_and_wrong_are_counted_apart_from_those_that_are_not_sure() -> None:
     wrong = ROW | {"right": False, "position_m": 0.4}
     rows = [ROW, ROW, ROW | {"outcome": "ambiguous"}, wrong, wrong | {"outcome": "lost"}]
     blind = wrong | {"kind": "any", "outcome": "ambiguous", "mesh_share": 0.0}
-    summary = summary_of([*rows, blind])
+    summary = summarize([*rows, blind])
     assert summary["sighted"] | {"position_median_m": None} == {
         "trials": 5, "right_share": 0.6, "found_and_right": 2, "found_but_wrong": 1, "right_but_unsure": 1,
         "position_median_m": None, "rotation_median_deg": 0.1, "seconds_median": 2.0, "saw_no_mesh": 0,
@@ -26,8 +27,7 @@ def test_answers_that_are_sure_and_wrong_are_told_from_those_that_are_not_sure()
 
 @pytest.mark.slow
 def test_every_picture_is_searched_for() -> None:
-    *_, results = run(Study(column, trials=1))
-    assert isinstance(results, Results)
+    results = run_steps(run(Study(column, trials=1)))
     assert [row["kind"] for row in results.rows] == ["sighted", "any"]
     assert results.rows[0]["mesh_share"] >= 0.2
     assert results.summary["sighted"]["trials"] == results.summary["any"]["trials"] == 1

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError, MissingExtraError
-from nerfnav.experiments.study import Arena, Journal, Study, TrialDone, run_trials
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.study import Journal, Study, TrialDone, run_trials
 from tests.experiments.places import column
 
 
@@ -17,19 +18,19 @@ def squared(arena: Arena, item: int) -> tuple[int, int, str]:
 
 
 def finished(study: Study, items: list[int]) -> tuple[list[TrialDone], list[tuple[int, int, str]]]:
-    trials, told = run_trials(study, "squaring", squared, items), []
+    trials, reported = run_trials(study, "squaring", squared, items), []
     while True:
         try:
-            told.append(next(trials))
+            reported.append(next(trials))
         except StopIteration as end:
-            return told, end.value
+            return reported, end.value
 
 
-def test_answers_come_in_the_order_of_the_items_and_every_trial_is_told() -> None:
-    told, answers = finished(Study(column), [3, 1, 2])
+def test_answers_come_in_the_order_of_the_items_and_every_trial_is_reported() -> None:
+    reported, answers = finished(Study(column), [3, 1, 2])
     assert [answer[0] for answer in answers] == [9, 1, 4]
-    assert [step.done for step in told] == [0, 1, 2, 3]
-    assert {(step.label, step.total) for step in told} == {("squaring", 3)}
+    assert [step.done for step in reported] == [0, 1, 2, 3]
+    assert {(step.label, step.total) for step in reported} == {("squaring", 3)}
     assert {answer[1] for answer in answers} == {os.getpid()}
 
 
@@ -82,8 +83,8 @@ def test_an_experiment_that_was_interrupted_goes_on_where_it_was(tmp_path: Path)
         list(run_trials(study, "squaring", refusing, [3, 1, 7]))
     with (tmp_path / "trials.jsonl").open("a") as stream:
         stream.write('["squares: 2 7", 4')  # a line that was not written to its end
-    told, answers = finished(study, [3, 1, 2])
-    assert [step.done for step in told] == [2, 3]
+    reported, answers = finished(study, [3, 1, 2])
+    assert [step.done for step in reported] == [2, 3]
     assert answers[:2] == [9, 1] and answers[2][0] == 4
     other = Study(column, journal=Journal(tmp_path / "trials.jsonl", "cubes"))
     assert finished(other, [3])[0][0].done == 0, "answers about something else do not count"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nerfnav.experiments.tangent import ERRORS, METHODS, Start, compare, picture, summary_of
+from nerfnav.experiments.tangent import ERRORS, METHODS, Start, compare, draw_figure, summarize
 from tests.experiments.places import column
 
 
@@ -29,7 +29,7 @@ def test_the_summary_tells_how_many_arrived_and_how_soon() -> None:
         for error in ERRORS for method in METHODS for index, off in enumerate(course)
     ]  # fmt: skip
     rows += [row(method, index, 0.6, error) | {"seed": 1} for error in ERRORS for method in METHODS for index in (0, 1)]
-    found = summary_of(rows)["from_0.6_rad"]["recursive"]
+    found = summarize(rows)["from_0.6_rad"]["recursive"]
     assert found["trials"] == 2 and found["converged"] == 0.5
     assert found["final_rotation_rad_median"] == pytest.approx((0.01 + 0.6) / 2)
 
@@ -41,13 +41,13 @@ def test_the_summary_tells_how_soon_the_cost_is_down() -> None:
 
     rows = [row(method, index, cost, error) for error in ERRORS for method in METHODS
             for index, cost in enumerate((100.0, 50.0, 8.0, 1.0))]  # fmt: skip
-    assert summary_of(rows)["from_0.1_rad"]["single plane"]["iterations_to_a_tenth_median"] == 2
+    assert summarize(rows)["from_0.1_rad"]["single plane"]["iterations_to_a_tenth_median"] == 2
 
 
 def test_the_picture_has_a_panel_for_each_error() -> None:
     rows = [row | {"start_rad": error, "seed": seed} for error in ERRORS for seed in (0, 1)
             for row in compare(column(), Start(seed=seed, error=error, iterations=2))]  # fmt: skip
-    axes = picture(rows).axes
+    axes = draw_figure(rows).axes
     assert len(axes) == len(ERRORS)
     medians = [line for line in axes[0].lines if line.get_label() in METHODS]
     curves = [np.asarray(line.get_ydata()) for line in medians]

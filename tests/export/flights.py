@@ -5,7 +5,7 @@ import torch
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.export.recording import Recording
 from nerfnav.geometry import so3
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.planner import PlanOutcome
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState

@@ -10,7 +10,7 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.crazyflie import MOST_PIECES, FitConfig, crazyflie, pieces_of_csv
+from nerfnav.export.crazyflie import MOST_PIECES, FitConfig, crazyflie
 from nerfnav.export.curves import SmoothConfig, curve_of
 from nerfnav.export.flatness import QuadrotorLimits
 from nerfnav.export.recording import Recording
@@ -18,6 +18,7 @@ from nerfnav.export.tables import Table
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from tests.export.flights import flight, hover_to_hover, plan
+from tests.export.readers import pieces_of_csv
 
 
 def loaded(content: bytes) -> np.ndarray:
@@ -60,7 +61,7 @@ def test_the_file_follows_the_curve_in_position_velocity_and_acceleration() -> N
 
 
 @pytest.mark.parametrize("recording", [hover_to_hover(), hover_to_hover(60), flight(), flight(30)])
-def test_what_is_asked_of_the_robot_is_within_its_limits_and_told(recording: Recording) -> None:
+def test_what_is_asked_of_the_robot_is_within_its_limits_and_reported(recording: Recording) -> None:
     made, config = crazyflie(recording), Quadrotor().config
     data = loaded(made.content)
     times = np.linspace(0, data[:, 0].sum(), 400)

@@ -53,14 +53,14 @@ def test_a_curve_that_meets_something_solid_leaves_only_by_force(name: str) -> N
     recording = replace(hover_to_hover(), datum=ZURICH)
     middle = recording.position[len(recording.times) // 2].tolist()
     free, blocked = (recording.with_field(field) for field in (NOWHERE, ball_at(middle, 0.1)))
-    told = FORMATS[name].exported(free).info["curve"]
-    assert told["outcome"] == "converged" and told["collision_probability_bound"] < 0.01
+    reported = FORMATS[name].exported(free).info["curve"]
+    assert reported["outcome"] == "converged" and reported["collision_probability_bound"] < 0.01
     with pytest.raises(InvalidInputError, match=r"curve that the vehicle would fly is not to be flown.*--force"):
         FORMATS[name].exported(blocked)
     assert FORMATS[name].exported(blocked, force=True).info["curve"]["outcome"] == "in_collision"
 
 
-def test_where_no_field_is_known_nothing_is_said_of_the_curve_and_it_is_told_so() -> None:
+def test_where_no_field_is_known_nothing_is_said_of_the_curve_and_it_is_reported_so() -> None:
     assert FORMATS["px4"].exported(hover_to_hover()).info["curve"] is None
 
 

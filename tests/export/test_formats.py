@@ -29,7 +29,7 @@ def test_a_plan_that_ended_badly_leaves_only_by_force_and_says_how_it_ended(outc
         assert name in FORMATS[form].exported(recording, force=True).content.decode(errors="ignore")
 
 
-def test_a_flight_that_touched_something_is_told_in_every_format_and_flown_again_by_force_alone() -> None:
+def test_a_flight_that_touched_something_is_reported_in_every_format_and_flown_again_by_force_alone() -> None:
     recording = replace(flight(), datum=ZURICH)
     for form in FORMATS.values():
         if form.moves_vehicle:

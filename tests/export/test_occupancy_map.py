@@ -10,7 +10,8 @@ import yaml
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.export.occupancy_map import ENDINGS, map_files
-from nerfnav.field.proof.occupancy_grid import Occupancy, OccupancyGrid
+from nerfnav.field.core.occupancy import Occupancy
+from nerfnav.field.proof.occupancy_grid import OccupancyGrid
 
 FREE, SOLID, UNPROVEN = Occupancy
 

@@ -39,12 +39,12 @@ def surface_glb() -> bytes:
 def test_the_page_shows_what_was_flown() -> None:
     data, steps = shown(flight()), flown()
     assert data["outcome"] == "the robot touched the ground-truth mesh" and data["title"] == "a helix"
-    for told, step in zip(data["steps"], steps, strict=True):
-        np.testing.assert_allclose(told["truth"][:3], step.truth.position, atol=1e-5)
-        np.testing.assert_allclose(np.reshape(told["truth"][3:], (3, 3)), step.truth.rotation, atol=1e-5)
-        np.testing.assert_allclose(told["belief"][:3], step.belief.mean.position, atol=1e-5)
-        np.testing.assert_allclose(np.reshape(told["plan"], (-1, 3)), step.plan.states.position, atol=1e-5)
-        assert told["touched"] == step.touched and (told["picture"] is None) == (step.image is None)
+    for reported, step in zip(data["steps"], steps, strict=True):
+        np.testing.assert_allclose(reported["truth"][:3], step.truth.position, atol=1e-5)
+        np.testing.assert_allclose(np.reshape(reported["truth"][3:], (3, 3)), step.truth.rotation, atol=1e-5)
+        np.testing.assert_allclose(reported["belief"][:3], step.belief.mean.position, atol=1e-5)
+        np.testing.assert_allclose(np.reshape(reported["plan"], (-1, 3)), step.plan.states.position, atol=1e-5)
+        assert reported["touched"] == step.touched and (reported["picture"] is None) == (step.image is None)
 
 
 def test_a_page_needs_nothing_from_anywhere_and_names_cannot_break_out_of_its_script() -> None:

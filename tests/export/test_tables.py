@@ -17,16 +17,14 @@ from nerfnav.export.tables import (
     csv_text,
     episode_table,
     json_text,
-    motion_of_table,
     motion_table,
-    table_of_csv,
     table_of_json,
 )
 from nerfnav.geometry import so3
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import Episode, EpisodeOutcome
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
+from tests.export.readers import motion_of_table, table_of_csv
 
 NAMES = Quadrotor.action_names
 

@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.tum import poses_of_tum, tum, tum_estimate
+from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.geometry import so3
 from tests.export.flights import flight, flown, plan
+from tests.export.readers import poses_of_tum
 
 
 def test_the_true_poses_read_back_with_the_quaternion_last_and_its_scalar_at_the_end() -> None:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import torch
 
-from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State
+from nerfnav.core.steps import run_steps
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, Occupancy
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.edit.conservative_occupancy import is_solid
 from nerfnav.field.edit.move import move_field
@@ -31,8 +32,8 @@ def room(evidence: bool = True, outside: bool = False) -> VoxelField:
     density = 300 * torch.sigmoid(inside / 0.006)
     raw = torch.expm1((density / DENSITY_SCALE).double()).log().clamp_min(EMPTY_RAW).float()
     colors = torch.stack([0.5 + 0.4 * torch.sin(4 * x), 0.5 + 0.4 * torch.cos(3 * y), (0.2 + z).clamp(0, 1)], -1)
-    states = torch.where(raw > -4.37, int(State.SOLID), int(State.FREE)).to(torch.uint8)
-    states[:8, :8, 12:20] = int(State.UNPROVEN)
+    states = torch.where(raw > -4.37, int(Occupancy.SOLID), int(Occupancy.FREE)).to(torch.uint8)
+    states[:8, :8, 12:20] = int(Occupancy.UNPROVEN)
     return VoxelField(
         box,
         torch.cat([raw[..., None], colors], -1),
@@ -57,9 +58,9 @@ def change(tilt: tuple[float, float, float] = (0.0, 0.0, 0.0), scale: float = 1.
 
 def after(field: VoxelField, similarity: Similarity) -> VoxelField:
     """The field once it is moved."""
-    *_, last = move_field(field, similarity)
-    assert isinstance(last.field, VoxelField)
-    return last.field
+    moved = run_steps(move_field(field, similarity))
+    assert isinstance(moved, VoxelField)
+    return moved
 
 
 def likeness(before: Field, now: Field, similarity: Similarity, inside: bool = False) -> float:

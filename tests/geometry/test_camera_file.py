@@ -99,9 +99,9 @@ def test_what_is_no_camera_is_told_in_one_sentence(tmp_path: Path, change: tuple
     text = ros("plumb_bob", BROWN)
     assert change[0] in text
     (tmp_path / "a.yaml").write_text(text.replace(*change))
-    with pytest.raises(InvalidInputError, match="is no calibration") as told:
+    with pytest.raises(InvalidInputError, match="is no calibration") as caught:
         read_camera(tmp_path / "a.yaml")
-    assert said in str(told.value)
+    assert said in str(caught.value)
 
 
 def test_a_lens_of_more_numbers_than_are_known_is_refused(tmp_path: Path) -> None:

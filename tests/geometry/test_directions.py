@@ -2,7 +2,7 @@
 
 import torch
 
-from nerfnav.geometry.directions import fibonacci_directions
+from nerfnav.geometry.camera import fibonacci_directions
 
 
 def test_a_spiral_has_unit_vectors_of_the_heights_that_were_asked_for() -> None:

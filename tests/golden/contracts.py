@@ -33,7 +33,10 @@ EXAMPLES = {
 
 def enums() -> dict[str, dict[str, Any]]:
     """The names of every enum that is written, with their values, in their order."""
-    values = {kind.__name__: {entry.name: entry.value for entry in kind} for kind in p.ENUMS}
+    values = {
+        kind.__name__: {entry.name: p.REWORDED.get(entry.value, entry.value) for entry in kind} for kind in p.ENUMS
+    }
+    values["State"] = values["Occupancy"]  # they were two enums of the same names and values
     return {p.ENUM_NAMES.get(name, name): found for name, found in values.items()}
 
 

@@ -66,7 +66,7 @@ def voxel_field(info: dict[str, Any], shape: tuple[int, int, int] = (12, 11, 10)
     values[: shape[0] // 2, ..., 0] = p.EMPTY_RAW
     around = torch.rand(8, 8, 8, 4, generator=generator)
     around[..., 0] = around[..., 0] * 6 - 5
-    evidence = torch.randint(0, len(p.State), shape, generator=generator, dtype=torch.uint8)
+    evidence = torch.randint(0, len(p.Occupancy), shape, generator=generator, dtype=torch.uint8)
     box = p.Box.of((-1.0, -0.75, -0.25), (1.25, 0.875, 1.5))
     return p.VoxelField(
         box, values, torch.tensor([0.25, 0.5, 0.75]), p.FieldInfo.of(info), p.Surroundings(around), evidence

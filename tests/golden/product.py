@@ -28,9 +28,10 @@ from torch import Tensor
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
+from nerfnav.core.renamed import replace_old_options
 from nerfnav.estimator import Belief, FilterConfig, FilterOutcome, RelocaliseOutcome
 from nerfnav.estimator import estimators as _estimators
-from nerfnav.estimator.paper.adam import DescentConfig
+from nerfnav.estimator.core.filter_config import DescentConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw, PixelSource
 from nerfnav.experiments import Results
 from nerfnav.export import (
@@ -53,7 +54,7 @@ from nerfnav.field import (
     load_field,
     save_field,
 )
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW
 from nerfnav.field.models.bricks import BrickField, convert_to_bricks
 from nerfnav.field.models.mlp import Encoding
 from nerfnav.field.models.neural import Activation, blank_field
@@ -74,12 +75,12 @@ from nerfnav.navigation import (
     OperatorRequests,
     SupervisorState,
 )
-from nerfnav.planner import PLANNERS, FastPlanConfig, PlanConfig, PlanOutcome, PlanStep
+from nerfnav.planner import PLANNERS, FastPlanConfig, PlanConfig, PlanOutcome, PlanResult, PlanStep
 from nerfnav.planner.objective.problem import InitialGuess
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, StateNoise, decode_robot_file, describe_robot, to_yaml
 from nerfnav.tracking import TrackedFrame
-from nerfnav.tracking.tracked_frame import TrackStatus
+from nerfnav.tracking.frame import TrackStatus
 from nerfnav.world import Paint, Scene, Vantage
 from nerfnav_app.cli.main import _STYLE, COMMANDS, main, parse
 from nerfnav_app.jobs.events import JobEvents, JobResult
@@ -134,12 +135,14 @@ __all__ = [
     "NavigateConfig",
     "NavigationStep",
     "NeuralConfig",
+    "Occupancy",
     "OperatorRequests",
     "Paint",
     "Place",
     "PlaceLibrary",
     "PlanConfig",
     "PlanRequest",
+    "PlanResult",
     "PlanStep",
     "Pose",
     "Recording",
@@ -150,7 +153,6 @@ __all__ = [
     "RunStore",
     "Scene",
     "SessionMemory",
-    "State",
     "StateNoise",
     "SupervisorState",
     "Surroundings",
@@ -194,12 +196,17 @@ __all__ = [
 
 ENUMS: tuple[type[Enum], ...] = (
     Activation, Backdrop, CameraMode, EpisodeOutcome, FilterOutcome, InitialGuess, JobKind, Order, PixelDraw,
-    PixelSource, PlanOutcome, SupervisorState, RelocaliseOutcome, Restart, SourceKind, State, TrackStatus,
-    UnknownSpace, Vantage, Occupancy, EndRole,
+    PixelSource, PlanOutcome, SupervisorState, RelocaliseOutcome, Restart, SourceKind, Occupancy, TrackStatus,
+    UnknownSpace, Vantage, EndRole,
 )  # fmt: skip
 """Enums whose names or values stand in files, in JSON, in options, or before users."""
 ENUM_NAMES = {"SupervisorState": "Recovery", "EndRole": "Which", "UnknownSpace": "Unknown", "Occupancy": "VoxelState"}
 """Class names of enums that have been renamed since the golden files were written: a class name is no contract."""
+REWORDED = {
+    "found by global localization": "found from nothing, by looking everywhere",
+    "what is left of the last plan has become much more costly": "what is left of the last plan has become much dearer",
+}
+"""Values of enums that are sentences for users, and were reworded since the golden files were written."""
 
 
 def digest_of(array: np.ndarray | Tensor) -> dict[str, Any]:
@@ -290,6 +297,12 @@ def keep_robot(library: PlaceLibrary, file: Path) -> Path:
     return library.robots.keep(decode_robot_file(file), file.parent)
 
 
+def new_option(old: str) -> str:
+    """The name that an option has now."""
+    (word,), _ = replace_old_options([old])
+    return word
+
+
 def options_of(command: str, words: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
     """The options of a subcommand: whether each takes a value, its choices, and words that give its default."""
     module, arguments = parse([command, *words])
@@ -335,10 +348,10 @@ def told_of(value: Any) -> Any:
     return value
 
 
-def ordered(orders: Callable[[int], OperatorRequests]) -> Callable[[], OperatorRequests]:
-    """Orders by the number of the time step, as flights ask for them: once for each."""
+def ordered(requests: Callable[[int], OperatorRequests]) -> Callable[[], OperatorRequests]:
+    """Requests by the number of the time step, as flights ask for them: once for each."""
     counted: Iterator[int] = iter(range(1, 1 << 20))
-    return lambda: orders(next(counted))
+    return lambda: requests(next(counted))
 
 
 def registries() -> dict[str, Sequence[str]]:

@@ -83,7 +83,7 @@ def flight_requests() -> dict[str, tuple[str, p.FlyRequest]]:
     start = p.Pose(p.so3.from_yaw(torch.tensor(2.4)), torch.tensor([0.55, -0.45, 0.45]))
 
     def sample_kidnap_pose(step: int) -> p.OperatorRequests:
-        return p.OperatorRequests(carried=start) if step == 3 else p.OperatorRequests()
+        return p.OperatorRequests(kidnap_pose=start) if step == 3 else p.OperatorRequests()
 
     def disturbed(step: int) -> p.OperatorRequests:
         return p.OperatorRequests(gust=p.StateNoise(0.05, 0.3, 0.05, 0.3)) if step == 4 else p.OperatorRequests()
@@ -93,7 +93,7 @@ def flight_requests() -> dict[str, tuple[str, p.FlyRequest]]:
 
     return {
         "fast filter in the physical world": ("quadrotor", p.FlyRequest(
-            route(steps=14), seed=1, world="physical", orders=p.ordered(disturbed),
+            route(steps=14), seed=1, world="physical", operator=p.ordered(disturbed),
         )),
         "paper planner and filter": ("quadrotor", p.FlyRequest(
             route(planner="paper", config=paper, again=again), estimator="paper", seed=2,
@@ -101,7 +101,7 @@ def flight_requests() -> dict[str, tuple[str, p.FlyRequest]]:
         )),
         "open loop": ("quadrotor", p.FlyRequest(route(), open_loop=True, seed=3)),
         "carried away and found again": ("quadrotor", p.FlyRequest(
-            route(), seed=4, orders=p.ordered(sample_kidnap_pose), config=p.NavigateConfig(timeout_factor=1.5),
+            route(), seed=4, operator=p.ordered(sample_kidnap_pose), config=p.NavigateConfig(timeout_factor=1.5),
         )),
         "wheels": ("diffdrive", p.FlyRequest(route(ends=_GROUND, steps=18), seed=5)),
     }  # fmt: skip
@@ -208,7 +208,7 @@ def _iteration(step: p.PlanStep) -> dict[str, Any]:
         "risk": cost.risk,
         "added": {term.name: term.value for term in cost.added},
         "total": cost.total,
-        "outcome": None if step.outcome is None else step.outcome.name,
+        "outcome": step.outcome.name if isinstance(step, p.PlanResult) else None,
         "restart": None if step.restart is None else step.restart.name,
     }
 
@@ -241,7 +241,7 @@ def _step(step: p.NavigationStep) -> dict[str, Any]:
         "touched": step.touched,
         "recovery": step.recovery,
         "restart": step.restart,
-        "backup": step.backup is not None,
+        "backup": step.fallback is not None,
         "hits_expected": step.hits_expected,
         "late": step.late,
         "outcome": step.outcome,

@@ -341,7 +341,10 @@ def test_every_export_format_is_golden_for_a_flight() -> None:
 
 @pytest.mark.parametrize("title", contracts.commands())
 def test_each_subcommand_has_the_options_that_it_had(title: str) -> None:
-    equal(stored.read("cli_options.json")[title], contracts.options_of(title))
+    golden = stored.read("cli_options.json")[title]
+    now = {p.new_option(option): told | {"names": [p.new_option(name) for name in told["names"]]}
+           for option, told in golden.items()}  # fmt: skip
+    equal(now, contracts.options_of(title))
 
 
 @pytest.mark.parametrize("title", contracts.commands())

@@ -1,4 +1,4 @@
-"""One function says what a file or folder is, and every wrong kind is told with what takes it."""
+"""One function says what a file or folder is, and every wrong kind is reported with what takes it."""
 
 import json
 import os
@@ -103,7 +103,7 @@ CASES: tuple[tuple[str, Callable[[Path], object], SourceKind], ...] = (
 
 
 @pytest.mark.parametrize(("name", "make", "kind"), CASES, ids=[name for name, *_ in CASES])
-def test_every_kind_of_file_and_folder_is_told(
+def test_every_kind_of_file_and_folder_is_reported(
     name: str, make: Callable[[Path], object], kind: SourceKind, tmp_path: Path
 ) -> None:
     make(tmp_path / name)
@@ -121,7 +121,7 @@ def test_names_of_scenes_come_first_and_what_is_not_there_is_missing(
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "told"),
+    ("name", "kind", "reported"),
     [
         ("house.glb", SourceKind.MESH, "is a mesh, and a field is asked for: `nerfnav train house.glb"),
         ("moon.spz", SourceKind.SPLATS, "`nerfnav import moon.spz --out moon.npz` makes a field of it"),
@@ -133,12 +133,12 @@ def test_names_of_scenes_come_first_and_what_is_not_there_is_missing(
         ("gone.glb", SourceKind.MISSING, "there is no file or folder gone.glb"),
     ],
 )
-def test_the_right_command_is_named_for_a_wrong_kind(name: str, kind: SourceKind, told: str) -> None:
+def test_the_right_command_is_named_for_a_wrong_kind(name: str, kind: SourceKind, reported: str) -> None:
     error = wrong_kind_error(name, kind, "a field")
-    assert isinstance(error, WrongKindError) and told in str(error) and "\n" not in str(error)
+    assert isinstance(error, WrongKindError) and reported in str(error) and "\n" not in str(error)
 
 
-def test_what_is_of_no_kind_is_told_by_its_first_bytes(tmp_path: Path) -> None:
+def test_what_is_of_no_kind_is_reported_by_its_first_bytes(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(b"\x89PNG\r\n\x1a\n")
     assert "is not a field: it is a PNG picture" in str(
         wrong_kind_error(tmp_path / "a.bin", SourceKind.UNKNOWN, "a field")
@@ -170,5 +170,5 @@ def test_fields_are_called_as_their_sources(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.skipif("NERFNAV_TEST_DATA" not in os.environ, reason="NERFNAV_TEST_DATA does not say where files are")
-def test_files_of_other_programs_are_told(name: str, kind: SourceKind) -> None:
+def test_files_of_other_programs_are_reported(name: str, kind: SourceKind) -> None:
     assert source_kind(Path(os.environ["NERFNAV_TEST_DATA"]) / name) is kind

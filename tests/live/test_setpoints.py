@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.live.answer import Guidance, Order
 from nerfnav.live.setpoints import (
     GuidedVehicle,
@@ -13,7 +14,7 @@ from nerfnav.live.setpoints import (
     setpoints_of,
     shift_half_step_back,
 )
-from nerfnav.planner import PlanProblem, last_step, plan_fast
+from nerfnav.planner import PlanProblem, plan_fast
 from nerfnav.robots import Motion, Quadrotor, RigidState
 from tests.planner.halls import Building, field_of
 
@@ -27,7 +28,7 @@ def guidance() -> Guidance:
     begun = RigidState.at_rest((0.5, 1.0, 1.0))
     start = RigidState(begun.position, torch.tensor([0.8, 0.2, 0.0]), begun.rotation, begun.body_rate)
     goal = RigidState.at_rest((2.4, 1.3, 1.2), 0.7)
-    motion = last_step(plan_fast(PlanProblem(field, ROBOT, shift_half_step_back(start, H), goal, 20, H))).motion
+    motion = run_steps(plan_fast(PlanProblem(field, ROBOT, shift_half_step_back(start, H), goal, 20, H))).motion
     return Guidance(Order.FOLLOW, "", setpoints_of(motion, 5.0))
 
 

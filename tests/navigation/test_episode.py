@@ -8,20 +8,19 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.robots.state import RigidState
-from tests.navigation.doubles import CALM, MISSION, Oracle, StraightPlanner, draws, simulator
+from tests.navigation.doubles import CALM, REQUEST, Oracle, StraightPlanner, draws, simulator
 
 
 @pytest.fixture(scope="module")
 def flight() -> list[NavigationStep]:
     world = simulator(contact=lambda before, after: bool(before.position[0] < 0 <= after.position[0]))
     events = navigate(
-        MISSION, world, NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM), draws(1)
+        REQUEST, world, NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM), draws(1)
     )
     return [event for event in events if isinstance(event, NavigationStep)]
 
@@ -44,14 +43,14 @@ def test_an_episode_stacks_a_flight_over_time(flight: list[NavigationStep]):
     assert len(episode.plans) == count
     assert episode.times[-1] == pytest.approx(0.1 * (count - 1))
     assert episode.outcome is EpisodeOutcome.COLLIDED
-    torch.testing.assert_close(episode.goal.position, MISSION.goal.position)
+    torch.testing.assert_close(episode.goal.position, REQUEST.goal.position)
 
 
 def test_the_last_goal_of_a_flight_is_what_it_missed() -> None:
     world, there = simulator(), RigidState.at_rest((-0.3, 0.6, 0.4))
-    mission = replace(MISSION, orders=lambda: OperatorRequests(goal=there))
-    pilot, config = NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM, noise=CALM)
-    steps = [step for step in navigate(mission, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+    request = replace(REQUEST, operator=lambda: OperatorRequests(goal=there))
+    stack, config = NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM, noise=CALM)
+    steps = [step for step in navigate(request, world, stack, config, draws(1)) if isinstance(step, NavigationStep)]
     episode = Episode.of(steps)
     assert episode.outcome is EpisodeOutcome.REACHED
     torch.testing.assert_close(episode.goal.position, there.position)
@@ -64,7 +63,7 @@ def test_a_robot_that_holds_in_the_end_was_to_arrive_where_it_was_going_before(f
     rest = replace(last.plan, states=last.plan.states.map(lambda part: part.flip(0)))
     nowhere = replace(last.plan, states=last.plan.states.map(lambda part: part * torch.nan))
     for end in (replace(last, plan=rest, recovery=SupervisorState.WIDENED), replace(last, plan=nowhere)):
-        torch.testing.assert_close(Episode.of([*flight[:-1], end]).goal.position, MISSION.goal.position)
+        torch.testing.assert_close(Episode.of([*flight[:-1], end]).goal.position, REQUEST.goal.position)
 
 
 def test_a_flight_that_was_stopped_has_that_outcome(flight: list[NavigationStep]):

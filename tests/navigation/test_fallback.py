@@ -1,18 +1,18 @@
-"""Ways to come to rest, kept ready beside plans and flown where these are no longer good."""
+"""Fallback trajectories beside plans, flown where the plans are no longer safe."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import pytest
 import torch
 from torch import Tensor
 
-from nerfnav.navigation.fallback import SafetyFilter
+from nerfnav.core.steps import run_steps
+from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.fallback import FallbackTrajectory, SafetyFilter
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep, SupervisorMemory
-from nerfnav.navigation.supervisor import SupervisorState
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
 from tests.navigation.doubles import CALM, ROBOT, Oracle, StraightPlanner, draws, simulator
@@ -39,51 +39,56 @@ class Blocked(StraightPlanner):
     blocked: range = range(0)
     count: int = field(default=0)
 
-    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
-        *steps, end = super().replan(last, route, executed)
+    def replan(self, last: Motion, route: Route, executed: int) -> PlanSteps:
+        end = yield from super().replan(last, route, executed)
         outcome = PlanOutcome.IN_COLLISION if self.count in self.blocked else end.outcome
         self.count += 1
-        yield from steps
-        yield replace(end, outcome=outcome)
+        return replace(end, outcome=outcome)
 
 
 def moving(x: float, z: float, speed: float) -> RigidState:
     return replace(RigidState.at_rest((x, 0.5, z)), velocity=torch.tensor([speed, 0.0, 0.0]))
 
 
-def planned(start: RigidState, outcome: PlanOutcome) -> PlanStep:
+def planned(start: RigidState, outcome: PlanOutcome) -> PlanResult:
     """Straight to the other side through whatever there is."""
-    *_, step = StraightPlanner(outcome).plan(Route(start, RigidState.at_rest((0.6, 0.5, 0.3)), 12))
-    return step
+    return run_steps(StraightPlanner(outcome).plan(Route(start, RigidState.at_rest((0.6, 0.5, 0.3)), 12)))
 
 
-def test_beside_a_good_plan_there_is_a_way_to_brake_and_the_plan_is_flown():
+def filtered(field: Colorless, plan: PlanResult) -> tuple[FallbackTrajectory, bool]:
+    """The fallback beside a plan, and whether it is flown."""
+    safety_filter = SafetyFilter(field, ROBOT)
+    fallback = safety_filter.make_fallback(plan, 0.1)
+    return fallback, safety_filter.rejects(plan, fallback)
+
+
+def test_beside_a_good_plan_there_is_a_fallback_that_brakes_and_the_plan_is_flown():
     start = moving(-0.7, 0.6, 1.0)
-    backup, taken = SafetyFilter(CLOSED, ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
-    assert backup.safe and not taken and backup.bound < 0.01
-    states = backup.motion.states
+    fallback, rejected = filtered(CLOSED, planned(start, PlanOutcome.CONVERGED))
+    assert fallback.safe and not rejected and fallback.bound < 0.01
+    states = fallback.motion.states
     assert states.velocity[-1].norm() < 0.1 and torch.equal(states.position[0], start.position)
-    for index, action in enumerate(backup.motion.actions):  # it obeys the dynamics
+    for index, action in enumerate(fallback.motion.actions):  # it obeys the dynamics
         after = ROBOT.step(states[index], action, 0.1)
         torch.testing.assert_close(after.position, states.position[index + 1])
 
 
 def test_in_place_of_a_plan_through_a_wall_the_robot_brakes():
-    backup, taken = SafetyFilter(CLOSED, ROBOT).beside(planned(moving(-0.7, 0.6, 1.0), PlanOutcome.IN_COLLISION), 0.1)
-    assert taken and backup.safe and backup.motion.states.position[:, 0].max() < -0.2
+    fallback, rejected = filtered(CLOSED, planned(moving(-0.7, 0.6, 1.0), PlanOutcome.IN_COLLISION))
+    assert rejected and fallback.safe and fallback.motion.states.position[:, 0].max() < -0.2
 
 
 def test_what_cannot_brake_before_a_wall_evades_upwards():
     start = moving(-0.5, 0.38, 1.2)
-    straight, _ = SafetyFilter(Sill(), ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
+    straight, _ = filtered(Sill(), planned(start, PlanOutcome.CONVERGED))
     assert not straight.safe
-    backup, taken = SafetyFilter(Sill(), ROBOT).beside(planned(start, PlanOutcome.LIKELY_COLLISION), 0.1)
-    assert taken and backup.safe and backup.motion.states.position[-1, 2] > 0.47
+    fallback, rejected = filtered(Sill(), planned(start, PlanOutcome.LIKELY_COLLISION))
+    assert rejected and fallback.safe and fallback.motion.states.position[-1, 2] > 0.47
 
 
-def test_a_backup_that_is_not_safe_is_not_flown():
-    backup, taken = SafetyFilter(CLOSED, ROBOT).beside(planned(moving(-0.3, 0.6, 2.5), PlanOutcome.IN_COLLISION), 0.1)
-    assert not taken and not backup.safe and backup.bound > 0.5
+def test_a_fallback_that_is_not_safe_is_not_flown():
+    fallback, rejected = filtered(CLOSED, planned(moving(-0.3, 0.6, 2.5), PlanOutcome.IN_COLLISION))
+    assert not rejected and not fallback.safe and fallback.bound > 0.5
 
 
 @pytest.mark.parametrize("guarded", [False, True])
@@ -91,12 +96,12 @@ def test_a_blocked_robot_holds_and_goes_on_when_there_is_a_way_again(guarded: bo
     world = simulator()
     world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
     wall, planner = Wall(door=0.0, thickness=0.02), Blocked(blocked=range(3, 6))
-    pilot = NavigationStack(planner, Oracle(world), guard=SafetyFilter(wall, ROBOT) if guarded else None)
-    events = navigate(FlightRequest(GOAL, steps=16), world, pilot, CONFIG, draws(0))
+    stack = NavigationStack(planner, Oracle(world), safety_filter=SafetyFilter(wall, ROBOT) if guarded else None)
+    events = navigate(FlightRequest(GOAL, steps=16), world, stack, CONFIG, draws(0))
     steps = [event for event in events if isinstance(event, NavigationStep)]
     held = [step.index for step in steps if step.recovery is SupervisorState.BACKUP]
     assert held == ([3, 4, 5] if guarded else [])
-    assert all((step.backup is not None) is guarded for step in steps[1:])
+    assert all((step.fallback is not None) is guarded for step in steps[1:])
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     if guarded:  # the way is taken up with the time that stopping took
         assert steps[6].plan.actions.shape[-2] > steps[2].plan.actions.shape[-2]
@@ -105,22 +110,22 @@ def test_a_blocked_robot_holds_and_goes_on_when_there_is_a_way_again(guarded: bo
 def test_a_robot_without_a_way_on_does_not_doubt_where_it_is():
     world = simulator()
     world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
-    pilot = NavigationStack(Blocked(blocked=range(1, 3)), Oracle(world), guard=SafetyFilter(CLOSED, ROBOT))
-    events = navigate(FlightRequest(GOAL, steps=16), world, pilot, CONFIG, draws(0))
+    stack = NavigationStack(Blocked(blocked=range(1, 3)), Oracle(world), safety_filter=SafetyFilter(CLOSED, ROBOT))
+    events = navigate(FlightRequest(GOAL, steps=16), world, stack, CONFIG, draws(0))
     steps = [event for event in events if isinstance(event, NavigationStep)][:3]
-    doubt = SupervisorMemory(steps[0].plan)
+    memory = SupervisorMemory(steps[0].plan)
     for step in steps[1:]:
-        doubt = doubt.after(step)
-    assert doubt.held == 2 and doubt.unsure == doubt.lost == 0
+        memory = memory.after(step.index, step.plan, step.recovery)
+    assert memory.held == 2 and memory.unsure == memory.disagreed == 0
 
 
 def test_a_robot_does_not_take_off_where_no_way_is_safe_enough_and_says_what_the_safest_risks():
     def flown(most: float) -> list[NavigationStep]:
         world = simulator()
         world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
-        pilot = NavigationStack(StraightPlanner(), Oracle(world), guard=SafetyFilter(CLOSED, ROBOT))
+        stack = NavigationStack(StraightPlanner(), Oracle(world), safety_filter=SafetyFilter(CLOSED, ROBOT))
         config = replace(CONFIG, most_hits=most)
-        events = navigate(FlightRequest(GOAL, steps=16), world, pilot, config, draws(0))
+        events = navigate(FlightRequest(GOAL, steps=16), world, stack, config, draws(0))
         return [event for event in events if isinstance(event, NavigationStep)]
 
     (start,) = flown(0.5)

@@ -1,18 +1,18 @@
-"""A robot that is carried elsewhere in mid-flight: real filter, real search, a small place."""
+"""A robot that is kidnapped in mid-flight: real filter, real search, a small place."""
 
 import pytest
 import torch
 
+from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
-from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator.relocalize.localizer import GlobalLocalizer
 from nerfnav.estimator.relocalize.panorama import PanoramaConfig
-from nerfnav.estimator.relocalize.searcher import GlobalLocalizer
+from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, ROBOT, picture, voxel_balls
@@ -27,17 +27,17 @@ SEARCH = RelocaliseConfig(
 
 
 @pytest.mark.slow
-def test_a_robot_that_was_carried_elsewhere_finds_itself_and_reaches_its_goal() -> None:
+def test_a_robot_that_was_kidnapped_finds_itself_and_reaches_its_goal() -> None:
     field = voxel_balls()
     world = Simulator(ROBOT, START, lambda pose: _seen(world), draws(0), noise=CALM)
-    pilot = NavigationStack(
+    stack = NavigationStack(
         StraightPlanner(),
         FastFilter(field, ROBOT, CAMERA, config=FilterConfig(color_noise=NOISE)),
         GlobalLocalizer(field, CAMERA, NOISE, SEARCH),
     )
     config = NavigateConfig(noise=CALM, initial=CALM)
     steps, searched = [], 0
-    for event in navigate(FlightRequest(GOAL, steps=20), world, pilot, config, draws(1)):
+    for event in navigate(FlightRequest(GOAL, steps=20), world, stack, config, draws(1)):
         searched += isinstance(event, RelocaliseStep)
         if isinstance(event, NavigationStep):
             steps.append(event)

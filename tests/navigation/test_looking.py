@@ -1,6 +1,7 @@
 """Robots that see nothing and turn to where something is to be seen."""
 
 import math
+from functools import partial
 
 import pytest
 import torch
@@ -8,14 +9,15 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
+from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
-from nerfnav.navigation.looking import YawRateCommand, side_of
+from nerfnav.navigation.looking import command_yaw_rate, side_of
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import SupervisorConfig, SupervisorState, come_to_rest
+from nerfnav.navigation.supervisor import SupervisorConfig, SupervisorState
 from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import RigidState
-from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
+from tests.navigation.doubles import CALM, REQUEST, ROBOT, Oracle, StraightPlanner, draws, simulator
 from tests.planner.objective.test_default_ends import field_of
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
@@ -31,7 +33,7 @@ def test_a_robot_that_sees_nothing_turns_the_shorter_way_to_the_middle_of_the_pl
 @pytest.mark.parametrize("aim", [0.3, -1.5, 3.0])
 def test_a_robot_turns_to_a_heading_quickly_and_stays_there(aim: float) -> None:
     start = RigidState.at_rest((0.0, 0.0, 0.5))
-    motion = come_to_rest(ROBOT, start, 20, 0.1, YawRateCommand(aim, 6.0, 2.5, 0.1))
+    motion = come_to_rest(ROBOT, start, 20, 0.1, partial(command_yaw_rate, aim=aim, most=6.0, around=2.5, dt=0.1))
     yaws = so3.yaw_of(motion.states.rotation)
     assert motion.states.body_rate[:, 2].abs().max() < 6.01
     off = ((yaws - aim + math.pi) % math.tau - math.pi).abs()
@@ -43,9 +45,9 @@ def test_a_robot_turns_to_a_heading_quickly_and_stays_there(aim: float) -> None:
 def flown(place: VoxelField, in_sight: float = 0.4) -> list[NavigationStep]:
     """A flight of a robot that begins by looking to the east."""
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), Oracle(world), seen=place)
+    stack = NavigationStack(StraightPlanner(), Oracle(world), camera_field=place)
     config = NavigateConfig(initial=CALM, noise=CALM, in_sight=in_sight)
-    return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+    return [step for step in navigate(REQUEST, world, stack, config, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_robot_that_should_see_nothing_from_where_it_stands_turns_before_it_leaves() -> None:
@@ -61,7 +63,7 @@ def test_a_robot_that_should_see_nothing_from_where_it_stands_turns_before_it_le
     assert steps[-1].outcome is EpisodeOutcome.REACHED
 
 
-def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_that_nobody_asks() -> None:
+def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_whose_headings_are_not_chosen() -> None:
     before, behind = ((0.8, -1.0, -1.0), (1.0, 1.0, 1.0)), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
     for steps in (flown(field_of(_PLACE, before, spacing=0.05)), flown(field_of(_PLACE, behind, spacing=0.05), 0.0)):
         assert all(step.recovery is None for step in steps) and steps[-1].outcome is EpisodeOutcome.REACHED

@@ -1,6 +1,6 @@
 """Algorithm 1, with stand-ins for planner and estimator."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -9,21 +9,22 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.errors import OccupiedError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.schmidt_kalman import ConsiderCovariance
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep, FilterUpdate
+from nerfnav.estimator.map_error import ConsiderCovariance
 from nerfnav.geometry import so3
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, FlightStep, NavigationStep
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.space.ends import fits
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import ProcessNoise, StateNoise
 from nerfnav.robots.state import RigidState
-from tests.navigation.doubles import CALM, GOAL, MISSION, ROBOT, START, Oracle, StraightPlanner, draws, simulator
+from tests.navigation.doubles import CALM, GOAL, REQUEST, ROBOT, START, Oracle, StraightPlanner, draws, simulator
 from tests.planner.objective.test_default_ends import field_of
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
@@ -33,16 +34,16 @@ def fly(
     planner: StraightPlanner | None = None,
     world: Simulator | None = None,
     config: NavigateConfig = CONFIG,
-    mission: FlightRequest = MISSION,
+    request: FlightRequest = REQUEST,
     lost: FilterOutcome = FilterOutcome.UPDATED,
-) -> list[LoopEvent]:
+) -> list[FlightStep]:
     world = simulator() if world is None else world
-    pilot = NavigationStack(StraightPlanner() if planner is None else planner, Oracle(world, lost))
-    return list(navigate(mission, world, pilot, config, draws(1)))
+    stack = NavigationStack(StraightPlanner() if planner is None else planner, Oracle(world, lost))
+    return list(navigate(request, world, stack, config, draws(1)))
 
 
 @dataclass
-class _Told:
+class _Scripted:
     """An oracle that says something, or nothing, by the index of the picture."""
 
     simulator: Simulator
@@ -51,17 +52,17 @@ class _Told:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         says, self.index = self.says(self.index), self.index + 1
-        yield from Oracle(self.simulator, says).update(belief, image, action, dt, generator)
+        return (yield from Oracle(self.simulator, says).update(belief, image, action, dt, generator))
 
 
-def flown_by(says: Callable[[int], FilterOutcome]) -> list[LoopEvent]:
+def flown_by(says: Callable[[int], FilterOutcome]) -> list[FlightStep]:
     world = simulator()
-    return list(navigate(MISSION, world, NavigationStack(StraightPlanner(), _Told(world, says)), CONFIG, draws(1)))
+    return list(navigate(REQUEST, world, NavigationStack(StraightPlanner(), _Scripted(world, says)), CONFIG, draws(1)))
 
 
-def steps_of(events: list[LoopEvent]) -> list[NavigationStep]:
+def steps_of(events: list[FlightStep]) -> list[NavigationStep]:
     return [event for event in events if isinstance(event, NavigationStep)]
 
 
@@ -80,35 +81,44 @@ class _Listening:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         self.asked.append(belief)
-        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+        return (yield from Oracle(self.simulator).update(belief, image, action, dt, generator))
 
 
-def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_the_robot_up():
+def test_the_map_error_widens_beliefs_and_neither_averages_out_nor_holds_the_robot_up():
     spread = torch.diag(torch.tensor([0.05, 0.06, 0.07, 0.01, 0.02, 0.03]))
     wrong = ConsiderCovariance(tuple(spread.square().flatten().tolist()))
     world, plain = simulator(), steps_of(fly())
     listening = _Listening(world)
-    pilot = NavigationStack(StraightPlanner(), listening, lasting=wrong)
-    steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
+    stack = NavigationStack(StraightPlanner(), listening, map_error=wrong)
+    steps = steps_of(list(navigate(REQUEST, world, stack, CONFIG, draws(1))))
     assert CONFIG.recovery.widest < 0.05, "so that a robot would hold for ever that took it for what pictures tell"
     assert [step.recovery for step in steps] == [step.recovery for step in plain]
     for step, before in zip(steps[1:], plain[1:], strict=True):
         assert torch.equal(step.belief.mean.position, before.belief.mean.position)
-        told = step.belief.covariance - wrong.at(step.belief)
-        torch.testing.assert_close(told, before.belief.covariance, rtol=0, atol=1e-8)
+        apparent = step.belief.covariance - wrong.at(step.belief)
+        torch.testing.assert_close(apparent, before.belief.covariance, rtol=0, atol=1e-8)
     for step, asked in zip(steps[1:-1], listening.asked[1:], strict=True):
         torch.testing.assert_close(asked.covariance, step.belief.covariance - wrong.at(step.belief), rtol=0, atol=1e-8)
     first = listening.asked[0].covariance - steps[0].belief.covariance
     torch.testing.assert_close(first, wrong.at(steps[0].belief), rtol=0, atol=1e-8)
 
 
+def test_the_generator_returns_the_episode_of_its_steps():
+    steps = steps_of(fly())
+    world = simulator()
+    stack = NavigationStack(StraightPlanner(), Oracle(world))
+    episode = run_steps(navigate(REQUEST, world, stack, CONFIG, draws(1)))
+    assert episode.outcome is steps[-1].outcome and len(episode.touched) == len(steps)
+    assert torch.equal(episode.truth.position, Episode.of(steps).truth.position)
+
+
 def test_each_time_step_is_filter_then_plan_then_its_record():
     kinds = [type(event) for event in fly()]
     first = kinds.index(NavigationStep)
-    assert kinds[:first] == [PlanStep] * 4
-    assert kinds[first + 1 : first + 5] == [FilterStep, PlanStep, PlanStep, NavigationStep]
+    assert kinds[:first] == [PlanStep, PlanResult] * 2
+    assert kinds[first + 1 : first + 5] == [FilterStep, PlanStep, PlanResult, NavigationStep]
     assert kinds[-1] is NavigationStep
 
 
@@ -125,8 +135,8 @@ def test_the_first_belief_is_off_by_what_its_covariance_says():
     errors = []
     for seed in range(200):
         world = simulator()
-        pilot = NavigationStack(StraightPlanner(), Oracle(world))
-        flight = navigate(MISSION, world, pilot, replace(CONFIG, open_loop=True), draws(seed))
+        stack = NavigationStack(StraightPlanner(), Oracle(world))
+        flight = navigate(REQUEST, world, stack, replace(CONFIG, open_loop=True), draws(seed))
         first = next(event for event in flight if isinstance(event, NavigationStep))
         errors.append(first.belief.mean.local(first.truth))
         torch.testing.assert_close(first.belief.covariance, CALM.covariance())
@@ -150,9 +160,9 @@ def test_the_horizon_shrinks_but_never_below_the_minimum():
 
 
 def test_a_given_first_plan_is_not_planned_again():
-    *_, planned = StraightPlanner().plan(Route(START, GOAL, 12))
-    events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=FlightRequest(GOAL, 12, 0.1, planned.motion))
-    assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
+    planned = run_steps(StraightPlanner().plan(Route(START, GOAL, 12)))
+    events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), request=FlightRequest(GOAL, 12, 0.1, planned.motion))
+    assert [type(event) for event in events[:3]] == [PlanStep, PlanResult, NavigationStep]
     assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
 
 
@@ -170,7 +180,7 @@ def test_a_flight_that_gets_nowhere_times_out():
     config = replace(CONFIG, goal_tolerance_m=0.0)
     steps = steps_of(fly(config=config))
     assert steps[-1].outcome is EpisodeOutcome.TIMEOUT
-    assert steps[-1].index == 2 * MISSION.steps
+    assert steps[-1].index == 2 * REQUEST.steps
 
 
 def test_pictures_that_disagree_again_and_again_end_the_flight():
@@ -204,10 +214,10 @@ def test_a_robot_that_touches_flies_on_and_has_collided_in_the_end():
 
 def test_open_loop_flies_the_first_plan_without_looking():
     def blind(pose: object) -> torch.Tensor:
-        raise AssertionError("nobody looks in open loop")
+        raise AssertionError("no picture is taken in open loop")
 
     steps = steps_of(fly(world=simulator(camera=blind), config=replace(CONFIG, open_loop=True)))
-    assert len(steps) == MISSION.steps + 1
+    assert len(steps) == REQUEST.steps + 1
     assert all(step.update is None and step.image is None for step in steps)
     flown = torch.stack([step.action for step in steps[1:] if step.action is not None])
     assert torch.equal(flown, steps[0].plan.actions)
@@ -223,7 +233,7 @@ def test_without_noise_open_loop_meets_the_goal_exactly():
 
 def test_what_the_planner_refuses_is_refused_here():
     class Refusing(StraightPlanner):
-        def plan(self, route: Route) -> Iterator[PlanStep]:
+        def plan(self, route: Route) -> PlanSteps:
             raise OccupiedError("the goal is in occupied space", None)
 
     with pytest.raises(OccupiedError, match="occupied"):
@@ -237,8 +247,8 @@ def test_the_same_seeds_give_the_same_flight():
 
 def test_the_consumers_time_is_not_counted():
     clock, world = [0.0], simulator()
-    mission = replace(MISSION, clock=lambda: clock[0])
-    for event in navigate(mission, world, NavigationStack(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
+    request = replace(REQUEST, clock=lambda: clock[0])
+    for event in navigate(request, world, NavigationStack(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
         if isinstance(event, FilterStep):
             clock[0] += 0.5
         if isinstance(event, NavigationStep) and event.index == 1:
@@ -257,16 +267,16 @@ def test_a_goal_that_moves_in_flight_is_flown_to():
     moved = RigidState.at_rest((-0.4, 0.5, 0.3))
     asked = []
 
-    def orders() -> OperatorRequests:
+    def requests() -> OperatorRequests:
         asked.append(None)
         return OperatorRequests(goal=moved) if len(asked) > 3 else OperatorRequests()
 
     planner = StraightPlanner()
-    steps = steps_of(fly(planner, mission=replace(MISSION, orders=orders)))
+    steps = steps_of(fly(planner, request=replace(REQUEST, operator=requests)))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     assert (steps[-1].truth.position - moved.position).norm() < CONFIG.goal_tolerance_m + 0.01
-    assert planner.horizons[4] == MISSION.steps, "there is time for the whole way to the new goal"
-    assert len(steps) > MISSION.steps
+    assert planner.horizons[4] == REQUEST.steps, "there is time for the whole way to the new goal"
+    assert len(steps) > REQUEST.steps
 
 
 @pytest.mark.parametrize(("in_sight", "headings"), [(0.4, (1.8, 3.2)), (0.0, (0.0, 0.01))])
@@ -274,10 +284,10 @@ def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is
     in_sight: float, headings: tuple[float, float]
 ) -> None:
     world, wall = simulator(), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
-    pilot = NavigationStack(
-        StraightPlanner(), Oracle(world), seen=field_of(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), wall)
+    stack = NavigationStack(
+        StraightPlanner(), Oracle(world), camera_field=field_of(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), wall)
     )
-    steps = steps_of(list(navigate(MISSION, world, pilot, replace(CONFIG, in_sight=in_sight), draws(1))))
+    steps = steps_of(list(navigate(REQUEST, world, stack, replace(CONFIG, in_sight=in_sight), draws(1))))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     for step in steps:
         if step.holds:
@@ -290,8 +300,8 @@ def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is
 def test_a_goal_is_turned_to_headings_alone_with_which_the_robot_fits_there() -> None:
     box, ahead = ((-1.0, -0.5, -1.0), (0.46, 0.5, 1.0)), ((0.3, -0.5, -1.0), (0.46, -0.3, 1.0))
     world, field = simulator(), field_of(box, ahead)  # 6 cm to the border: enough for a side, too little for a corner
-    pilot = NavigationStack(StraightPlanner(), Oracle(world), seen=field)
-    steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
+    stack = NavigationStack(StraightPlanner(), Oracle(world), camera_field=field)
+    steps = steps_of(list(navigate(REQUEST, world, stack, CONFIG, draws(1))))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     for step in steps:
         assert step.holds or fits(field, ROBOT.body, step.plan.states[-1])
@@ -301,11 +311,11 @@ def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
     gust = StateNoise(0.3, 0.0, 0.0, 0.0)
     asked = []
 
-    def orders() -> OperatorRequests:
+    def requests() -> OperatorRequests:
         asked.append(None)
         return OperatorRequests(gust=gust if len(asked) == 3 else None)
 
-    steps = steps_of(fly(mission=replace(MISSION, orders=orders)))
+    steps = steps_of(fly(request=replace(REQUEST, operator=requests)))
     off = [(step.truth.position - before.plan.states[1].position).norm() for before, step in pairwise(steps)]
     assert off[2] > 0.1
     assert max(off[:2] + off[3:]) < 0.02
@@ -317,7 +327,7 @@ def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leas
     config = NavigateConfig(noise=CALM, leash_m=leash)
     steps = [
         event
-        for event in navigate(MISSION, world, NavigationStack(planner, Oracle(world)), config, draws(1))
+        for event in navigate(REQUEST, world, NavigationStack(planner, Oracle(world)), config, draws(1))
         if isinstance(event, NavigationStep)
     ]
     for before, step, start in zip(steps, steps[1:], planner.starts[1:], strict=False):
@@ -328,12 +338,12 @@ def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leas
 def test_a_plan_is_moved_to_a_robot_that_is_off_its_leash_with_the_tilt_and_the_rate_that_were_planned() -> None:
     gust, asked, world, planner = StateNoise(0.3, 0.0, 0.0, 0.0), [], simulator(), StraightPlanner()
 
-    def orders() -> OperatorRequests:
+    def requests() -> OperatorRequests:
         asked.append(None)
         return OperatorRequests(gust=gust if len(asked) == 4 else None)
 
-    pilot, config = NavigationStack(planner, Oracle(world)), NavigateConfig(noise=CALM, leash_m=0.1)
-    steps = steps_of(list(navigate(replace(MISSION, orders=orders), world, pilot, config, draws(1))))
+    stack, config = NavigationStack(planner, Oracle(world)), NavigateConfig(noise=CALM, leash_m=0.1)
+    steps = steps_of(list(navigate(replace(REQUEST, operator=requests), world, stack, config, draws(1))))
     before, pushed, start = steps[3], steps[4], planner.starts[4]
     led = before.plan.states[1]
     assert (pushed.belief.mean.position - led.position).norm() > config.leash_m
@@ -345,7 +355,7 @@ def test_a_plan_is_moved_to_a_robot_that_is_off_its_leash_with_the_tilt_and_the_
 
 @dataclass
 class _Corrector:
-    """An oracle that corrects what it is told, and counts how often."""
+    """An oracle that corrects its prediction, and counts how often."""
 
     simulator: Simulator
     outcome: FilterOutcome = FilterOutcome.UPDATED
@@ -354,25 +364,26 @@ class _Corrector:
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         self.corrected += 1
         seen = Belief(self.simulator.state, CALM.covariance())
-        nothing = torch.zeros(1, 2, dtype=torch.long), torch.zeros(1)
-        yield FilterStep(0, seen.mean, 1.0, 1.0, *nothing, seen, self.outcome)
+        step = FilterStep(0, seen.mean, 1.0, 1.0, torch.zeros(1, 2, dtype=torch.long), torch.zeros(1))
+        yield step
+        return FilterResult(seen, self.outcome, step)
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
-        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+    ) -> FilterUpdate:
+        return (yield from Oracle(self.simulator).update(belief, image, action, dt, generator))
 
 
 def begun(config: NavigateConfig, **how: object) -> tuple[NavigationStep, _Corrector, StraightPlanner]:
-    """The first step of a robot that was put down 3 cm a coordinate off what it is told; who looked and who planned."""
+    """The first step of a robot that starts 3 cm a coordinate off its given start, its estimator, and its planner."""
     config = replace(config, initial=StateNoise(0.03, 0.0, 0.0, 0.0))
     world, planner = simulator(), StraightPlanner()
     looking = _Corrector(world, **how)  # type: ignore[arg-type]
     return next(
-        event for event in navigate(MISSION, world, NavigationStack(planner, looking), config, draws(1))
+        event for event in navigate(REQUEST, world, NavigationStack(planner, looking), config, draws(1))
         if isinstance(event, NavigationStep)
     ), looking, planner  # fmt: skip
 
@@ -394,7 +405,7 @@ def test_a_robot_looks_before_it_leaves_and_plans_from_where_it_then_believes_to
         (CONFIG, {"trust_dynamics": False}),
     ],
 )
-def test_without_it_or_by_what_makes_nothing_of_being_told_a_robot_leaves_from_where_it_was_told_to_be(
+def test_without_it_or_by_an_estimator_without_prediction_a_robot_leaves_from_its_given_start(
     config: NavigateConfig, how: dict[str, object]
 ) -> None:
     step, looking, _ = begun(config, **how)

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,22 +13,23 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator import Belief, FilterOutcome, FilterStep
+from nerfnav.core.steps import run_steps
+from nerfnav.estimator import Belief, FilterOutcome, FilterResult, FilterStep, FilterUpdate
 from nerfnav.geometry import Pose, so3
 from nerfnav.inertial import Increments, propagate_state
+from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
 from nerfnav.navigation.physical.config import PhysicalConfig
-from nerfnav.navigation.physical.geometric_controller import TrackingGains, corrected
+from nerfnav.navigation.physical.geometric_controller import TrackingGains, correct_thrust
 from nerfnav.navigation.physical.inertial import InertialInterval, InertialUnit
 from nerfnav.navigation.physical.latency_compensation import LatencyCompensation
-from nerfnav.navigation.physical.powertrain import Powertrain
 from nerfnav.navigation.physical.reference_trajectory import TrackedWaypoints
-from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
+from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, Powertrain, integrate
 from nerfnav.navigation.physical.simulator import PhysicalSimulator, _rounded, airframe
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.physical.worlds import compensate_latency, configure_for_physics, make_physical_simulator
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.supervisor import SupervisorConfig, come_to_rest
+from nerfnav.navigation.supervisor import SupervisorConfig
 from nerfnav.robots import Motion, ProcessNoise, RigidState
 from nerfnav.tracking import ImuMeasurements
 from nerfnav.tracking.preintegration import preintegrate
@@ -105,7 +106,7 @@ def test_a_free_body_keeps_its_angular_momentum_and_its_energy() -> None:
 def test_rotors_follow_with_their_lag_and_keep_their_limits() -> None:
     gains = replace(TrackingGains(), lead=1.0)
     frame = airframe(ROBOT, CALM)
-    motors = Powertrain(frame, CALM, gains)
+    motors = Powertrain(frame, CALM, gains.lead)
     before, aim = motors.speeds.copy(), 1.1 * motors.speeds
     thrust = 4 * CALM.thrust_coefficient * aim[0] ** 2 / frame.mass
     for _ in range(10):
@@ -126,7 +127,7 @@ def test_a_robot_hovers_in_calm_air_and_heavier_than_it_thinks_too() -> None:
 
 
 def test_rotors_at_their_limits_give_up_turning_before_thrust_and_thrust_before_tilting() -> None:
-    motors = Powertrain(airframe(ROBOT, CALM), CALM, TrackingGains())
+    motors = Powertrain(airframe(ROBOT, CALM), CALM, TrackingGains().lead)
     for wanted, kept in (([8.0, 0.02, 0.0, 1.0], 1), ([12.0, 0.0, 0.03, -1.0], 2)):
         wrench = [motors.spin(np.array(wanted), 0.002) for _ in range(100)][-1]
         assert wrench[kept] == pytest.approx(wanted[kept], rel=1e-3)
@@ -144,7 +145,7 @@ def test_the_reference_is_exact_for_cubic_motions_and_goes_on_smoothly_from_plan
     plan, flown = Motion(states, HOVER.expand(12, 4), 0.1), TrackedWaypoints()
     for step in range(6):
         rest = Motion(plan.states[step:], plan.actions[step:], 0.1)
-        wanted, flown = flown.along(rest, 50, 9.81)
+        wanted, flown = flown.track(rest, 50, 9.81)
         if step < 3:  # of what was before the start it knows nothing
             continue
         at = 0.1 * step + 0.002 * np.arange(50)
@@ -188,7 +189,7 @@ def test_a_robot_that_falls_too_slowly_is_not_turned_over_to_be_pushed_after_its
     """It had been, by 75 degrees: the plan asks for little thrust, and corrections for as much the other way."""
     world, plan = world_of(PhysicalConfig()), falling(START)
     above = START.retract(torch.tensor([0.03, 0.0, 0.06, 0.0, 0.3, 0.8, *[0.0] * 6]))
-    world.carry(above.pose)
+    world.kidnap(above.pose)
     upright = []
     for step in range(4):
         world.follow(plan.left_after(step), believed=above if step == 0 else world.state)
@@ -200,14 +201,14 @@ def test_a_robot_that_falls_too_slowly_is_not_turned_over_to_be_pushed_after_its
 def test_corrections_are_added_but_for_what_would_turn_the_thrust_over() -> None:
     gains, pull = TrackingGains(), np.array([1.0, -0.5, 4.0])
     small = np.array([0.3, 0.2, -0.4])
-    assert corrected(pull, small, gains) == pytest.approx(pull + small)
+    assert correct_thrust(pull, small, gains) == pytest.approx(pull + small)
     for large in (np.array([9.0, 0.0, -9.0]), np.array([0.0, -30.0, 0.0]), -3 * pull, 20 * pull):
-        found = corrected(pull, large, gains)
+        found = correct_thrust(pull, large, gains)
         along = found @ pull / np.linalg.norm(pull)
         assert along >= gains.least_thrust * np.linalg.norm(pull) - 1e-9
         assert np.linalg.norm(np.cross(found, pull)) / np.linalg.norm(pull) <= gains.lean * along + 1e-9
-    assert corrected(pull, 20 * pull, gains) == pytest.approx(21 * pull), "more thrust turns nothing"
-    assert corrected(np.zeros(3), small, gains) == pytest.approx(small)
+    assert correct_thrust(pull, 20 * pull, gains) == pytest.approx(21 * pull), "more thrust turns nothing"
+    assert correct_thrust(np.zeros(3), small, gains) == pytest.approx(small)
 
 
 def test_gyroscopes_tell_the_body_rate_of_now_while_rotors_change_it() -> None:
@@ -304,22 +305,22 @@ class Seeing:
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         prior, pose = prediction.covariance.double(), [0, 1, 2, 6, 7, 8]
         seen = prediction.mean.local(self.where())[pose] + self.noise * torch.randn(6, generator=generator)
         gain = torch.linalg.solve(prior[pose][:, pose] + self.noise**2 * torch.eye(6).double(), prior[pose]).T
         mean = prediction.mean.retract((gain @ seen.double()).float())
-        told = torch.eye(12).double()
-        told[:, pose] -= gain
-        covariance = told @ prior @ told.T + self.noise**2 * gain @ gain.T
+        kept = torch.eye(12).double()
+        kept[:, pose] -= gain
+        covariance = kept @ prior @ kept.T + self.noise**2 * gain @ gain.T
         posterior = Belief(mean, covariance.float())
-        yield FilterStep(
-            0, mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0), posterior, FilterOutcome.UPDATED
-        )
+        step = FilterStep(0, mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0))
+        yield step
+        return FilterResult(posterior, FilterOutcome.UPDATED, step)
 
 
 def looking_at(world: PhysicalSimulator, trust_dynamics: bool = True) -> LatencyCompensation:
-    """Follows the robot of a world by pictures that arrive late, of which each coordinate is told to 2 mm or 2 mrad."""
+    """Follows the robot of a world by pictures that arrive late, each coordinate known to 2 mm or 2 mrad."""
     pictures = Seeing(lambda: _rounded(world._seen[0]), 0.002, trust_dynamics)
     return LatencyCompensation(pictures, lambda: world.felt, world.world.delay_s, world.unit)
 
@@ -334,11 +335,10 @@ def of_rest(duration: float) -> InertialInterval:
 def test_a_late_picture_corrects_the_belief_of_then() -> None:
     moving = replace(START, velocity=torch.tensor([1.0, 0.0, 0.0]))
     then = replace(moving, position=moving.position + torch.tensor([0.2, 0.0, 0.0]))
-    felt, unit = (of_rest(0.1 - 1 / 30), of_rest(1 / 30)), InertialUnit(PhysicalConfig(), draws(0)).told(9.81)
+    felt, unit = (of_rest(0.1 - 1 / 30), of_rest(1 / 30)), InertialUnit(PhysicalConfig(), draws(0)).describe(9.81)
     late = LatencyCompensation(Seeing(lambda: then, 1e-6), lambda: felt, 1 / 30, unit)
     begun = Belief(replace(moving, position=moving.position + 0.1), torch.diag(torch.tensor([1.0] * 3 + [1e-8] * 9)))
-    *_, last = late.update(begun, grey(None), HOVER[0], 0.1, draws(0))
-    assert last.posterior is not None
+    last = run_steps(late.update(begun, grey(None), HOVER[0], 0.1, draws(0)))
     expected = then.position + torch.tensor([1 / 30, 0.0, 0.0])
     torch.testing.assert_close(last.posterior.mean.position, expected, atol=1e-5, rtol=0)
     with pytest.raises(InvalidInputError, match=r"time steps longer than 0\.02 s"):
@@ -351,7 +351,7 @@ def test_what_was_felt_is_freed_of_biases_as_single_measurements_are() -> None:
     biases = torch.tensor([0.02, -0.01, 0.03, 0.2, 0.1, -0.3]).double()
     times = torch.arange(0, 0.1001, 0.002, dtype=torch.float64)
     series = ImuMeasurements(times, rate.expand(len(times), 3), force.expand(len(times), 3))
-    unit = replace(InertialUnit(PhysicalConfig(), draws(0)).told(9.81), gyro=0.02, accel=0.3)
+    unit = replace(InertialUnit(PhysicalConfig(), draws(0)).describe(9.81), gyro=0.02, accel=0.3)
     raw, exact = (preintegrate(series, 0.0, 0.1, known, unit) for known in (torch.zeros(6).double(), biases))
     found = InertialInterval(raw.increments, 0.1, 0.002).without(biases, unit)
     for ours, theirs in zip(found.increments, exact.increments, strict=True):
@@ -394,15 +394,15 @@ def test_biases_of_the_unit_are_learned_and_beliefs_are_honest() -> None:
 
 
 def test_a_belief_that_comes_from_elsewhere_keeps_what_is_known_of_the_biases() -> None:
-    felt, unit = (of_rest(0.1 - 1 / 30), of_rest(1 / 30)), InertialUnit(PhysicalConfig(), draws(0)).told(9.81)
+    felt, unit = (of_rest(0.1 - 1 / 30), of_rest(1 / 30)), InertialUnit(PhysicalConfig(), draws(0)).describe(9.81)
     late = LatencyCompensation(Seeing(lambda: START, 0.002), lambda: felt, 1 / 30, unit)
     belief = Belief(START, 1e-4 * torch.eye(12))
     for _ in range(10):
-        *_, step = late.update(belief, grey(None), HOVER[0], 0.1, draws(0))
-        belief = step.posterior
+        belief = run_steps(late.update(belief, grey(None), HOVER[0], 0.1, draws(0))).posterior
     assert late._last is not None
-    known, told = late._last.covariance, late._known(replace(belief, covariance=4 * belief.covariance))
-    assert torch.equal(told.covariance, known) and not told.cross.any() and late._known(belief) is late._last
+    known, widened = late._last.covariance, late._with_biases(replace(belief, covariance=4 * belief.covariance))
+    assert torch.equal(widened.covariance, known) and not widened.cross.any()
+    assert late._with_biases(belief) is late._last
 
 
 def test_nothing_is_learned_of_biases_from_an_estimator_that_only_starts_at_the_prediction() -> None:
@@ -411,8 +411,7 @@ def test_nothing_is_learned_of_biases_from_an_estimator_that_only_starts_at_the_
     belief = Belief(START, 1e-4 * torch.eye(12))
     for _ in range(5):
         world.follow(still(START), believed=belief.mean)
-        *_, step = late.update(belief, grey(None), HOVER[0], 0.1, draws(0))
-        belief = step.posterior
+        belief = run_steps(late.update(belief, grey(None), HOVER[0], 0.1, draws(0))).posterior
     assert late._last is not None and not late._last.biases.any()
 
 
@@ -422,8 +421,7 @@ def test_a_unit_without_errors_leaves_no_belief_without_a_spread() -> None:
     belief, generator = Belief(START, 1e-4 * torch.eye(12)), draws(0)
     for _ in range(20):
         world.follow(still(START), believed=belief.mean)
-        *_, step = late.update(belief, grey(None), HOVER[0], 0.1, generator)
-        belief = step.posterior
+        belief = run_steps(late.update(belief, grey(None), HOVER[0], 0.1, generator)).posterior
     torch.linalg.cholesky(belief.covariance.double())
     assert belief.mean.local(world.state)[:3].norm() < 0.003
 
@@ -432,7 +430,7 @@ def test_estimators_that_only_move_beliefs_themselves_are_refused_in_one_sentenc
     world = world_of(PhysicalConfig())
     with pytest.raises(InvalidInputError, match=r"Oracle has no `correct`.*fly it in the paper's world"):
         compensate_latency(NavigationStack(StraightPlanner(), Oracle(world)), world)
-    assert compensate_latency(pilot := NavigationStack(StraightPlanner(), Oracle(world)), simulator()) is pilot
+    assert compensate_latency(stack := NavigationStack(StraightPlanner(), Oracle(world)), simulator()) is stack
 
 
 def test_a_robot_that_sees_nothing_holds_before_it_may_be_five_centimetres_off() -> None:

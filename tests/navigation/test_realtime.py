@@ -6,12 +6,11 @@ import pytest
 import torch
 
 from nerfnav.estimator import ConsiderCovariance
-from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.realtime import advance_plan, missed
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
+from nerfnav.navigation.realtime import advance_plan, count_missed
+from tests.navigation.doubles import CALM, REQUEST, ROBOT, Oracle, StraightPlanner, draws, simulator
 
 
 class SlowClock:
@@ -26,16 +25,20 @@ class SlowClock:
         return self.now
 
 
-def flown(slow: set[int], realtime: bool = True, lasting: ConsiderCovariance | None = None) -> list[NavigationStep]:
+_TAKE_OFF = 12
+"""Looks at the clock before the first step: two planners of two iterations."""
+
+
+def flown(slow: set[int], realtime: bool = True, map_error: ConsiderCovariance | None = None) -> list[NavigationStep]:
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), Oracle(world), lasting=lasting or ConsiderCovariance())
-    mission = replace(MISSION, realtime=realtime, clock=SlowClock(slow))
-    events = navigate(mission, world, pilot, NavigateConfig(noise=CALM), draws(1))
+    stack = NavigationStack(StraightPlanner(), Oracle(world), map_error=map_error or ConsiderCovariance())
+    request = replace(REQUEST, realtime=realtime, clock=SlowClock({_TAKE_OFF + look for look in slow}))
+    events = navigate(request, world, stack, NavigateConfig(noise=CALM), draws(1))
     return [event for event in events if isinstance(event, NavigationStep)]
 
 
 def test_time_steps_are_missed_only_by_what_takes_longer_than_one() -> None:
-    assert [missed(ms, 0.1) for ms in (0, 99, 100, 101, 200, 250)] == [0, 0, 0, 1, 1, 2]
+    assert [count_missed(ms, 0.1) for ms in (0, 99, 100, 101, 200, 250)] == [0, 0, 0, 1, 1, 2]
 
 
 def test_a_world_that_waits_and_one_that_does_not_are_the_same_while_nothing_is_late() -> None:
@@ -44,14 +47,14 @@ def test_a_world_that_waits_and_one_that_does_not_are_the_same_while_nothing_is_
     assert torch.equal(waits[-1].truth.position, goes_on[-1].truth.position)
 
 
-def test_late_steps_tell_what_the_field_is_wrong_by_as_well() -> None:
-    lasting = ConsiderCovariance(tuple((0.05**2 * torch.eye(6)).flatten().tolist()))
-    plain, told = flown({8}), flown({8}, lasting=lasting)
-    assert any(step.late for step in told)
-    for before, step in zip(plain[1:], told[1:], strict=True):
+def test_late_steps_include_the_map_error_as_well() -> None:
+    map_error = ConsiderCovariance(tuple((0.05**2 * torch.eye(6)).flatten().tolist()))
+    plain, wrong = flown({8}), flown({8}, map_error=map_error)
+    assert any(step.late for step in wrong)
+    for before, step in zip(plain[1:], wrong[1:], strict=True):
         assert torch.equal(step.truth.position, before.truth.position)
         more = step.belief.covariance - before.belief.covariance
-        torch.testing.assert_close(more, lasting.at(step.belief), rtol=0, atol=1e-8)
+        torch.testing.assert_close(more, map_error.at(step.belief), rtol=0, atol=1e-8)
 
 
 def test_a_late_step_lets_the_robot_fly_by_its_older_plan_meanwhile() -> None:

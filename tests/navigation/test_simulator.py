@@ -55,7 +55,7 @@ def test_the_camera_is_asked_for_the_picture_at_its_mount():
     torch.testing.assert_close(looking, torch.tensor([0.0, 1.0, 0.0]), atol=1e-6, rtol=0)
 
 
-def test_touching_is_told_and_the_robot_flies_on():
+def test_contact_is_reported_and_the_robot_flies_on():
     def contact(before: RigidState, after: RigidState) -> bool:
         return bool(after.velocity[2] > before.velocity[2])
 

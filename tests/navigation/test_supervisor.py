@@ -1,6 +1,5 @@
-"""Robots whose pictures disagree with what they believe: doubted, lost, found again."""
+"""Robots whose pictures disagree with their belief: they hold, get lost, and are found again."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -9,28 +8,34 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterUpdate
+from nerfnav.estimator.relocalize.global_localization import (
+    Relocalisation,
+    RelocaliseOutcome,
+    RelocaliseResult,
+    RelocaliseStep,
+)
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
-from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
+from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import Supervisor, SupervisorConfig, SupervisorState, come_to_rest
+from nerfnav.navigation.supervisor import Supervisor, SupervisorConfig, SupervisorMemory, SupervisorState
 from nerfnav.planner.risk.tracking_error import PAPER_NOISE, tracking_deviations
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import POSITION
-from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, grey, simulator
+from tests.navigation.doubles import CALM, REQUEST, ROBOT, START, Oracle, StraightPlanner, draws, grey, simulator
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
 
 
 @dataclass
 class GlobalLocalizer:
-    """A relocaliser that knows the truth, unless told otherwise."""
+    """A relocaliser that knows the truth, or does not find the robot."""
 
     simulator: Simulator
     outcome: RelocaliseOutcome = RelocaliseOutcome.FOUND
@@ -38,14 +43,16 @@ class GlobalLocalizer:
     """How many times it does not find the robot before."""
     asked: int = 0
 
-    def relocalise(self, image: Tensor) -> Iterator[RelocaliseStep]:
+    def relocalise(self, image: Tensor) -> Relocalisation:
         self.asked += 1
         outcome = self.outcome if self.asked > self.fails else RelocaliseOutcome.LOST
         pose = self.simulator.state.pose.compose(FORWARD_MOUNT)
         poses = Pose(pose.rotation[None], pose.position[None])
         step = RelocaliseStep(0.5, poses, torch.ones(1), torch.zeros(1))
         yield step
-        yield replace(step, fraction=1.0, outcome=outcome)
+        last = replace(step, fraction=1.0)
+        yield last
+        return RelocaliseResult(outcome, last)
 
 
 @dataclass
@@ -56,17 +63,17 @@ class LostFor:
     pictures: range
     count: int = field(default=0)
 
-    def update(self, *parts: object) -> Iterator[FilterStep]:
+    def update(self, *parts: object) -> FilterUpdate:
         outcome = FilterOutcome.DIVERGED if self.count in self.pictures else FilterOutcome.UPDATED
         self.count += 1
-        yield from replace(self.oracle, outcome=outcome).update(*parts)  # type: ignore[arg-type]
+        return (yield from replace(self.oracle, outcome=outcome).update(*parts))  # type: ignore[arg-type]
 
 
 def flight(pictures: range, found: RelocaliseOutcome | None = RelocaliseOutcome.FOUND) -> list[NavigationStep]:
     world = simulator()
     searcher = None if found is None else GlobalLocalizer(world, found)
-    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), pictures), searcher)
-    return [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
+    stack = NavigationStack(StraightPlanner(), LostFor(Oracle(world), pictures), searcher)
+    return [step for step in navigate(REQUEST, world, stack, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_picture_that_disagrees_widens_the_belief_and_one_that_agrees_ends_the_doubt() -> None:
@@ -83,7 +90,7 @@ def test_a_robot_that_is_lost_is_searched_for_and_flies_on_from_where_it_is_foun
     assert kinds == [SupervisorState.WIDENED, SupervisorState.WIDENED, SupervisorState.RELOCALISED]
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     torch.testing.assert_close(steps[5].belief.mean.position, steps[5].truth.position)
-    assert len(steps[5].plan.actions) == MISSION.steps, "a robot that was found has the whole time again"
+    assert len(steps[5].plan.actions) == REQUEST.steps, "a robot that was found has the whole time again"
 
 
 @pytest.mark.parametrize("found", [RelocaliseOutcome.AMBIGUOUS, RelocaliseOutcome.LOST])
@@ -107,8 +114,8 @@ def test_where_nothing_searches_a_lost_robot_ends_the_flight_at_once() -> None:
 
 def test_a_robot_that_does_not_know_where_it_is_comes_to_rest_and_then_goes_on() -> None:
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(5, 8)), GlobalLocalizer(world, fails=1))
-    steps = [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
+    stack = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(5, 8)), GlobalLocalizer(world, fails=1))
+    steps = [step for step in navigate(REQUEST, world, stack, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     held = [step.index for step in steps if step.holds]
     assert held == [6, 7, 8, 9, 10], "pictures that agree do not end it: only the second search does"
     speeds = [step.truth.velocity.norm().item() for step in steps]
@@ -118,38 +125,38 @@ def test_a_robot_that_does_not_know_where_it_is_comes_to_rest_and_then_goes_on()
         assert step.plan.states.velocity[-1].norm() < 0.2 * max(speeds), "it intends to stop"
         assert step.replan_ms == 0 and step.outcome is None
     assert steps[-1].outcome is EpisodeOutcome.REACHED
-    assert (steps[-1].truth.position - MISSION.goal.position).norm() < CONFIG.goal_tolerance_m + 0.02
+    assert (steps[-1].truth.position - REQUEST.goal.position).norm() < CONFIG.goal_tolerance_m + 0.02
 
 
 def test_the_way_is_taken_up_where_it_was_left_with_the_time_that_it_takes_from_rest() -> None:
     world, planner = simulator(), StraightPlanner()
-    pilot = NavigationStack(planner, LostFor(Oracle(world), range(2, 4)), GlobalLocalizer(world))
-    steps = [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
+    stack = NavigationStack(planner, LostFor(Oracle(world), range(2, 4)), GlobalLocalizer(world))
+    steps = [step for step in navigate(REQUEST, world, stack, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     assert [step.index for step in steps if step.holds] == [3, 4]
     # the first plan, once from the belief, after steps 1 and 2; none while it holds; then more than the 9 left
     assert planner.horizons[:3] == [12, 11, 10] and 9 < planner.horizons[3] < 18
 
 
-def test_nobody_arrives_in_doubt() -> None:
+def test_a_robot_that_holds_does_not_arrive() -> None:
     world = simulator()
-    pilot = NavigationStack(
+    stack = NavigationStack(
         StraightPlanner(), LostFor(Oracle(world), range(100)), GlobalLocalizer(world, RelocaliseOutcome.LOST)
     )
-    here = replace(MISSION, goal=world.state)
-    *_, last = navigate(here, world, pilot, CONFIG, draws(1))
+    here = replace(REQUEST, goal=world.state)
+    *_, last = navigate(here, world, stack, CONFIG, draws(1))
     assert isinstance(last, NavigationStep) and last.outcome is EpisodeOutcome.DIVERGED
 
 
 def test_a_search_that_was_asked_for_is_done_though_nothing_seems_wrong_and_what_it_finds_is_believed() -> None:
-    world, orders = simulator(), []
+    world, taken = simulator(), []
 
     def asked() -> OperatorRequests:
-        orders.append(None)
-        return OperatorRequests(search=len(orders) == 3)
+        taken.append(None)
+        return OperatorRequests(search=len(taken) == 3)
 
     searcher = GlobalLocalizer(world)
     stack = NavigationStack(StraightPlanner(), Oracle(world), searcher)
-    events = list(navigate(replace(MISSION, orders=asked), world, stack, CONFIG, draws(1)))
+    events = list(navigate(replace(REQUEST, operator=asked), world, stack, CONFIG, draws(1)))
     steps = [event for event in events if isinstance(event, NavigationStep)]
     assert [step.recovery for step in steps[1:5]] == [None, None, SupervisorState.RELOCALISED, None]
     assert searcher.asked == 1 and sum(isinstance(event, RelocaliseStep) for event in events) == 2
@@ -159,35 +166,35 @@ def test_a_search_that_was_asked_for_is_done_though_nothing_seems_wrong_and_what
 
 def test_a_search_that_was_asked_for_and_finds_nothing_leaves_the_belief_alone() -> None:
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), Oracle(world), GlobalLocalizer(world, RelocaliseOutcome.AMBIGUOUS))
-    mission = replace(MISSION, orders=lambda: OperatorRequests(search=True))
-    steps = [step for step in navigate(mission, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
+    stack = NavigationStack(StraightPlanner(), Oracle(world), GlobalLocalizer(world, RelocaliseOutcome.AMBIGUOUS))
+    request = replace(REQUEST, operator=lambda: OperatorRequests(search=True))
+    steps = [step for step in navigate(request, world, stack, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     assert all(step.recovery is None for step in steps) and steps[-1].outcome is EpisodeOutcome.REACHED
 
 
 def test_a_robot_in_doubt_is_searched_for_at_once_where_that_is_asked() -> None:
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(2, 3)), GlobalLocalizer(world))
-    mission = replace(MISSION, orders=lambda: OperatorRequests(search=True))
-    steps = [step for step in navigate(mission, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
+    stack = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(2, 3)), GlobalLocalizer(world))
+    request = replace(REQUEST, operator=lambda: OperatorRequests(search=True))
+    steps = [step for step in navigate(request, world, stack, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     assert steps[3].recovery is SupervisorState.RELOCALISED
 
 
-def test_a_robot_that_is_carried_away_is_put_down_before_it_looks() -> None:
-    seen, orders = [], []
+def test_a_robot_that_is_kidnapped_is_moved_before_its_picture() -> None:
+    seen, taken = [], []
     there = Pose(so3.from_yaw(torch.tensor(0.7)), torch.tensor([-0.2, 0.5, 0.3]))
 
     def asked() -> OperatorRequests:
-        orders.append(None)
-        return OperatorRequests(carried=there if len(orders) == 4 else None)
+        taken.append(None)
+        return OperatorRequests(kidnap_pose=there if len(taken) == 4 else None)
 
     def look(pose: Pose) -> Tensor:
         seen.append(pose.position)
         return grey(pose)
 
     world = simulator(camera=look)
-    pilot = NavigationStack(StraightPlanner(), Oracle(world), GlobalLocalizer(world))
-    steps = [step for step in navigate(replace(MISSION, orders=asked), world, pilot, CONFIG, draws(1))
+    stack = NavigationStack(StraightPlanner(), Oracle(world), GlobalLocalizer(world))
+    steps = [step for step in navigate(replace(REQUEST, operator=asked), world, stack, CONFIG, draws(1))
              if isinstance(step, NavigationStep)]  # fmt: skip
     assert torch.equal(steps[4].truth.position, there.position) and torch.equal(seen[3], there.position)
     assert steps[-1].outcome is EpisodeOutcome.REACHED
@@ -195,33 +202,83 @@ def test_a_robot_that_is_carried_away_is_put_down_before_it_looks() -> None:
 
 def test_the_episode_tells_what_was_done_also_after_storage(tmp_path: Path) -> None:
     episode = Episode.of(flight(range(2, 5)))
-    told = {"widened": 2, "blind": 0, "adrift": 0, "searched": 0, "backup": 0, "relocalised": 1, "lost": 0}
-    assert episode.metrics()["recoveries"] == told
+    counts = {"widened": 2, "blind": 0, "adrift": 0, "searched": 0, "backup": 0, "relocalised": 1, "lost": 0}
+    assert episode.metrics()["recoveries"] == counts
     episode.save(tmp_path)
     assert Episode.load(tmp_path).recoveries == episode.recoveries
 
 
-def test_doubt_grows_with_each_picture_until_patience_ends() -> None:
+def supervised(
+    supervisor: Supervisor, belief: Belief, outcome: FilterOutcome, requested: bool = False, **counts: int
+) -> tuple[list[RelocaliseStep], Belief, SupervisorState | None]:
+    """The steps of a search, and the result of a transition after so many pictures of each kind."""
+    memory = SupervisorMemory(come_to_rest(ROBOT, START, 2, 0.1), **counts)
+    generator, steps = supervisor.supervise(belief, outcome, grey(None), memory, requested), []
+    while True:
+        try:
+            steps.append(next(generator))
+        except StopIteration as end:
+            return steps, *end.value
+
+
+def test_beliefs_are_widened_with_each_picture_until_patience_ends() -> None:
     world = simulator()
     belief = flight(range(0))[1].belief
-    for lost in (1, 2):
-        steps = Supervisor(GlobalLocalizer(world), SupervisorConfig(widen=2.0)).recover(belief, torch.zeros(1), lost)
-        with pytest.raises(StopIteration) as end:
-            next(steps)
-        wider, done = end.value.value
-        assert done is SupervisorState.WIDENED
+    for disagreed in (0, 1):
+        supervisor = Supervisor(GlobalLocalizer(world), SupervisorConfig(widen=2.0))
+        steps, wider, state = supervised(supervisor, belief, FilterOutcome.DIVERGED, disagreed=disagreed)
+        assert not steps and state is SupervisorState.WIDENED
         torch.testing.assert_close(wider.covariance, 4 * belief.covariance)
         belief = wider
+
+
+_NEAR, _WIDE = 0.06, 0.2
+"""Standard deviations of a belief that is BLIND with a weak picture, and of one that is worth a search [m]."""
+
+
+@pytest.mark.parametrize(("outcome", "deviation", "requested", "counts", "found", "lost"), [
+    ("DIVERGED", 0.01, False, {}, "WIDENED", "WIDENED"),
+    ("DIVERGED", 0.01, True, {}, "RELOCALISED", "SEARCHED"),
+    ("DIVERGED", 0.01, False, {"disagreed": 2}, "RELOCALISED", "SEARCHED"),
+    ("UPDATED", 0.01, False, {"disagreed": 3}, "SEARCHED", "SEARCHED"),
+    ("UPDATED", 0.01, True, {"disagreed": 3}, "RELOCALISED", "SEARCHED"),
+    ("UPDATED", 0.01, False, {"disagreed": 2 + 3 * 7}, "RELOCALISED", "SEARCHED"),
+    ("UPDATED", 0.01, False, {"disagreed": 2 + 3 * 8}, "RELOCALISED", "LOST"),
+    ("UPDATED", 0.01, True, {}, "RELOCALISED", None),
+    ("UPDATED", _WIDE, False, {}, None, None),
+    ("UPDATED", 0.035, False, {"unsure": 1}, "BLIND", "BLIND"),
+    ("UPDATED", 0.025, False, {"unsure": 1}, None, None),
+    ("PREDICTED_ONLY", 0.025, False, {"unsure": 1}, "BLIND", "BLIND"),
+    ("WEAK", 0.035, False, {}, None, None),
+    ("WEAK", _NEAR, False, {}, "BLIND", "BLIND"),
+    ("WEAK", _NEAR, True, {}, "RELOCALISED", "BLIND"),
+    ("PREDICTED_ONLY", _WIDE, False, {}, "BLIND", "BLIND"),
+    ("WEAK", _WIDE, False, {}, "RELOCALISED", "ADRIFT"),
+    ("WEAK", _WIDE, False, {"adrift": 1}, "ADRIFT", "ADRIFT"),
+    ("WEAK", _WIDE, False, {"adrift": 3}, "RELOCALISED", "ADRIFT"),
+    ("WEAK", _WIDE, False, {"adrift": 27}, "ADRIFT", "ADRIFT"),
+])  # fmt: skip
+def test_each_transition_enters_its_state(
+    outcome: str, deviation: float, requested: bool, counts: dict[str, int], found: str | None, lost: str | None
+) -> None:
+    """`found` and `lost`: the states where a search finds the robot, and where it does not."""
+    belief = Belief(START, replace(CALM, position_m=deviation).covariance())
+    for expected, search in ((found, RelocaliseOutcome.FOUND), (lost, RelocaliseOutcome.AMBIGUOUS)):
+        supervisor = Supervisor(GlobalLocalizer(simulator(), search))
+        _, after, state = supervised(supervisor, belief, FilterOutcome[outcome], requested, **counts)
+        assert state is (None if expected is None else SupervisorState[expected])
+        kept = state not in (SupervisorState.WIDENED, SupervisorState.RELOCALISED)
+        assert torch.equal(after.covariance, belief.covariance) is kept
 
 
 def test_a_robot_that_is_found_turned_moves_in_its_own_axes_as_it_did() -> None:
     world = simulator()
     before = replace(world.state, velocity=torch.tensor([0.5, 0.0, 0.1]), body_rate=torch.tensor([0.0, 0.1, 0.2]))
-    world.carry(Pose(so3.from_yaw(torch.tensor(torch.pi / 2)), torch.tensor([0.1, 0.2, 0.3])))
+    world.kidnap(Pose(so3.from_yaw(torch.tensor(torch.pi / 2)), torch.tensor([0.1, 0.2, 0.3])))
     steps = Supervisor(GlobalLocalizer(world)).search(Belief(before, CALM.covariance()), torch.zeros(1))
-    with pytest.raises(StopIteration) as end:
-        [next(steps) for _ in range(3)]
-    found = end.value.value.mean
+    belief = run_steps(steps)
+    assert belief is not None
+    found = belief.mean
     torch.testing.assert_close(found.velocity, torch.tensor([0.0, 0.5, 0.1]))
     assert torch.equal(found.body_rate, before.body_rate)
 
@@ -238,8 +295,8 @@ def test_the_motion_of_a_robot_that_holds_obeys_its_dynamics_and_ends_in_rest() 
 def test_a_lost_robot_turns_between_two_searches_and_is_searched_for_in_every_third_picture() -> None:
     world = simulator()
     searcher = GlobalLocalizer(world, RelocaliseOutcome.AMBIGUOUS)
-    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(2, 40)), searcher)
-    steps = [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
+    stack = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(2, 40)), searcher)
+    steps = [step for step in navigate(REQUEST, world, stack, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     recovery = CONFIG.recovery
     assert searcher.asked == recovery.searches
     turning = [step for step in steps if step.recovery is SupervisorState.SEARCHED]
@@ -258,11 +315,11 @@ class Unseeing:
     disagreeing: int | None = None
     count: int = field(default=0)
 
-    def update(self, *parts: object) -> Iterator[FilterStep]:
+    def update(self, *parts: object) -> FilterUpdate:
         outcome = FilterOutcome.PREDICTED_ONLY if self.count in self.dark else FilterOutcome.UPDATED
         outcome = FilterOutcome.DIVERGED if self.count == self.disagreeing else outcome
         self.count += 1
-        yield from replace(self.oracle, outcome=outcome).update(*parts)  # type: ignore[arg-type]
+        return (yield from replace(self.oracle, outcome=outcome).update(*parts))  # type: ignore[arg-type]
 
 
 @dataclass
@@ -272,19 +329,19 @@ class Unsure:
     oracle: Oracle
     outcome: FilterOutcome = FilterOutcome.WEAK
 
-    def update(self, *parts: object) -> Iterator[FilterStep]:
+    def update(self, *parts: object) -> FilterUpdate:
         belief = parts[0]
         assert isinstance(belief, Belief)
         known = float(belief.covariance.diagonal()[POSITION].max()) < CONFIG.recovery.sure**2
         outcome = FilterOutcome.UPDATED if known else self.outcome
-        yield from replace(self.oracle, outcome=outcome).update(*parts)  # type: ignore[arg-type]
+        return (yield from replace(self.oracle, outcome=outcome).update(*parts))  # type: ignore[arg-type]
 
 
 def unsure_flight(spread: float, searcher: GlobalLocalizer | None, outcome: FilterOutcome) -> list[NavigationStep]:
     world = simulator() if searcher is None else searcher.simulator
-    pilot = NavigationStack(StraightPlanner(), Unsure(Oracle(world), outcome), searcher)
+    stack = NavigationStack(StraightPlanner(), Unsure(Oracle(world), outcome), searcher)
     config = replace(CONFIG, initial=replace(CALM, position_m=spread))
-    return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+    return [step for step in navigate(REQUEST, world, stack, config, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_blind_robot_that_may_be_anywhere_near_is_searched_for_and_flies_on_from_where_it_is_found() -> None:
@@ -316,14 +373,14 @@ def test_a_blind_robot_that_is_not_far_off_looks_around_and_is_not_searched_for(
     steps = unsure_flight(0.7 * CONFIG.recovery.adrift, GlobalLocalizer(simulator()), FilterOutcome.WEAK)
     found = next((step.index for step in steps if step.recovery is SupervisorState.RELOCALISED), len(steps))
     assert found > 5 and {step.recovery for step in steps[1:found]} == {SupervisorState.BLIND}
-    assert all(step.belief.spread <= CONFIG.recovery.adrift for step in steps[1:found])
+    assert all(step.belief.position_std <= CONFIG.recovery.adrift for step in steps[1:found])
 
 
 def unseeing_flight(dark: range, disagreeing: int | None, spread: float = 0.01) -> list[NavigationStep]:
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), Unseeing(Oracle(world), dark, disagreeing), GlobalLocalizer(world))
+    stack = NavigationStack(StraightPlanner(), Unseeing(Oracle(world), dark, disagreeing), GlobalLocalizer(world))
     config = replace(CONFIG, initial=replace(CALM, position_m=spread))
-    return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+    return [step for step in navigate(REQUEST, world, stack, config, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_robot_in_doubt_that_sees_nothing_stays_in_doubt_and_looks_around() -> None:
@@ -343,35 +400,34 @@ def test_a_robot_that_knows_where_it_is_flies_on_where_it_sees_nothing() -> None
 def test_a_robot_that_sees_nothing_and_may_be_anywhere_near_looks_around() -> None:
     steps = unseeing_flight(range(60), disagreeing=None, spread=2 * CONFIG.recovery.widest)
     assert {step.recovery for step in steps[1:]} == {SupervisorState.BLIND}
-    assert steps[-1].outcome is EpisodeOutcome.TIMEOUT and steps[-1].index == 4 * MISSION.steps
+    assert steps[-1].outcome is EpisodeOutcome.TIMEOUT and steps[-1].index == 4 * REQUEST.steps
 
 
 def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_plans_keep_clear() -> None:
     world = simulator()
     for little in (FilterOutcome.PREDICTED_ONLY, FilterOutcome.WEAK):
         spread, pictures = 1e-6 * torch.eye(12), 0
-        while pictures < 50 and not Supervisor(None).is_blind(Belief(world.state, spread), little, doubts=False):
+        while pictures < 50 and supervised(Supervisor(None), Belief(world.state, spread), little)[2] is None:
             spread, pictures = spread + StateNoise().covariance(), pictures + 1
-        level, _ = tracking_deviations(ROBOT, MISSION.dt, PAPER_NOISE)[-1]
+        level = tracking_deviations(ROBOT, REQUEST.dt, PAPER_NOISE)[-1].level
         assert 1 < pictures <= 5 and SupervisorConfig().widest <= level
-        assert not Supervisor(None).is_blind(Belief(world.state, spread), FilterOutcome.UPDATED, doubts=False)
+        assert supervised(Supervisor(None), Belief(world.state, spread), FilterOutcome.UPDATED)[2] is None
 
 
 @pytest.mark.slow
 def test_a_picture_that_agrees_but_tells_little_does_not_end_the_doubt() -> None:
     world = simulator()
-    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(3, 4)), GlobalLocalizer(world))
+    stack = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(3, 4)), GlobalLocalizer(world))
     config = replace(CONFIG, recovery=SupervisorConfig(sure=1e-4))
-    steps = [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+    steps = [step for step in navigate(REQUEST, world, stack, config, draws(1)) if isinstance(step, NavigationStep)]
     assert steps[4].recovery is SupervisorState.WIDENED
     assert {step.recovery for step in steps[5:]} == {SupervisorState.BLIND}
 
 
-def test_a_search_that_is_wanted_between_two_others_is_done_at_once() -> None:
-    world, searcher = simulator(), GlobalLocalizer(simulator())
-    searching = Supervisor(searcher).recover(flight(range(0))[1].belief, grey(None), lost=4)
-    with pytest.raises(StopIteration) as end:
-        next(searching)
-    assert end.value.value[1] is SupervisorState.SEARCHED and searcher.asked == 0
-    *_, last = Supervisor(GlobalLocalizer(world)).recover(flight(range(0))[1].belief, grey(None), lost=4, at_once=True)
-    assert last.outcome is RelocaliseOutcome.FOUND
+def test_a_search_that_is_requested_between_two_others_is_done_at_once() -> None:
+    world, belief = simulator(), flight(range(0))[1].belief
+    searcher = GlobalLocalizer(world)
+    _, _, state = supervised(Supervisor(searcher), belief, FilterOutcome.DIVERGED, disagreed=3)
+    assert state is SupervisorState.SEARCHED and searcher.asked == 0
+    steps, _, _ = supervised(Supervisor(searcher), belief, FilterOutcome.DIVERGED, requested=True, disagreed=3)
+    assert steps[-1].outcome is RelocaliseOutcome.FOUND

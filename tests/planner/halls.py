@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import torch
 
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy
 from nerfnav.field.models.bricks import BrickField, Slab, build_bricks
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import shape_for
@@ -20,7 +20,7 @@ class Block:
 
     lower: Point
     upper: Point
-    state: State = State.SOLID
+    state: Occupancy = Occupancy.SOLID
     """Unproven ones have no density."""
     color: Point = (0.6, 0.6, 0.6)
 
@@ -52,13 +52,13 @@ def field_of(building: Building, voxel: float) -> BrickField:
     def slab(first: int, end: int) -> Slab:
         values = torch.full((end - first, nodes[1], nodes[2], 4), 0.5)
         values[..., 0] = EMPTY_RAW
-        states = torch.full(values.shape[:3], int(State.FREE), dtype=torch.uint8)
+        states = torch.full(values.shape[:3], int(Occupancy.FREE), dtype=torch.uint8)
         for block in building.blocks:
             part = _nodes_in(block, [axes[0][first:end], *axes[1:]])
             states[part] = int(block.state)
-            if block.state is State.SOLID:
+            if block.state is Occupancy.SOLID:
                 values[part] = torch.tensor([SOLID_RAW, *block.color])
-        return values, states
+        return Slab(values, states)
 
     return build_bricks(box, nodes, slab, torch.ones(3))
 
@@ -105,7 +105,7 @@ def hall() -> Building:
     blocks += [Block((x, 0.0, 8.0), (x + 0.04, 30.0, 8.04)) for x in range(3, 40, 4)]  # beams one node thick
     blocks += [Block((22.0, 0.0, 0.0), (22.12, 20.0, 12.0)), Block((22.0, 22.0, 0.0), (22.12, 30.0, 12.0))]
     blocks += [Block((22.0, 20.0, 2.5), (22.12, 22.0, 12.0))]  # above the door
-    blocks += [Block((30.0, 20.0, 0.0), (36.0, 26.0, 4.0), State.UNPROVEN)]  # a room that nobody looked into
+    blocks += [Block((30.0, 20.0, 0.0), (36.0, 26.0, 4.0), Occupancy.UNPROVEN)]  # a room that nobody looked into
     return Building(size, tuple(blocks))
 
 
@@ -126,5 +126,5 @@ def house() -> Building:
         x = 4.75 * room
         blocks += [Block((x + 1.0, 1.0, 0.7), (x + 2.6, 1.9, 0.75))]  # a table
         blocks += [Block((x + dx, y, 0.0), (x + dx + 0.04, y + 0.04, 0.7)) for dx in (1.0, 2.5) for y in (1.0, 1.8)]
-        blocks += [Block((x + 0.3, 9.5, 0.0), (x + 2.0, 10.8, 2.0), State.UNPROVEN)]  # a cupboard
+        blocks += [Block((x + 0.3, 9.5, 0.0), (x + 2.0, 10.8, 2.0), Occupancy.UNPROVEN)]  # a cupboard
     return Building(size, tuple(blocks))

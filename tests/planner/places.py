@@ -1,20 +1,28 @@
 """Small places that several tests plan in."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import yield_result
 from nerfnav.field.core.protocol import RaySamples, uniform_samples
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.geometry.box import Box
 from nerfnav.planner.objective.problem import PlanProblem
+from nerfnav.planner.steps import PlanSteps
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 
 BOX = Box.of((-1, -1, 0), (1, 1, 1))
 WHITE = torch.ones(3)
 ROBOT = Quadrotor()
+
+
+def all_of(steps: PlanSteps) -> list[Any]:
+    """Iterations of a planner, then its result."""
+    return list(yield_result(steps))
 
 
 def ball(radius: float = 0.25) -> BallsField:
@@ -28,6 +36,7 @@ class Colorless:
 
     box: Box = BOX
     background: Tensor = WHITE
+    resolution: float = 0.01
 
     def radiance(self, points: Tensor, directions: Tensor) -> Tensor:
         return torch.ones_like(points)

@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.planner.active_yaw import (
@@ -20,12 +21,11 @@ from nerfnav.planner.active_yaw import (
     _mean_variance,
     choose_goal_heading,
     choose_headings,
-    turning_rate,
+    limit_yaw_rate,
 )
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.solvers.fast import FastPlanConfig, replan_fast
 from nerfnav.planner.solvers.warm_start import shift_warm_start
-from nerfnav.planner.steps import last_step
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import Couch, Motion, Quadrotor, RigidState
 from tests.planner.objective.test_default_ends import field_of
@@ -40,9 +40,9 @@ def turned(
     places: Tensor, ends: tuple[RigidState, RigidState], may_be: Callable[[RigidState], bool] | None = None,
     enough: float = 0.4, field: VoxelField = _BEHIND,
 ) -> RigidState:  # fmt: skip
-    watch = YawObjective(field, enough, may_be=may_be)
+    objective = YawObjective(field, enough, may_be=may_be)
     way = RigidState.stack([replace(ends[0], position=place) for place in places])
-    return choose_goal_heading(watch, watch.sights(way), ends)
+    return choose_goal_heading(objective, objective.profile_along(way), ends)
 
 
 def arriving(start: float, goal: float, enough: float = 0.4, field: VoxelField = _BEHIND) -> float:
@@ -109,7 +109,7 @@ def test_the_cheapest_headings_are_those_of_all_that_there_are() -> None:
 def planned(yaw: float, steps: int = 16) -> tuple[Motion, tuple[RigidState, RigidState]]:
     """A way from south to north that begins and ends with a heading."""
     ends = RigidState.at_rest((0.0, -0.6, 0.0), yaw), RigidState.at_rest((0.0, 0.6, 0.0), yaw)
-    return last_step(replan_fast(PlanProblem(_BEHIND, _ROBOT, *ends, steps), straight(*ends, steps))).motion, ends
+    return run_steps(replan_fast(PlanProblem(_BEHIND, _ROBOT, *ends, steps), straight(*ends, steps))).motion, ends
 
 
 def straight(start: RigidState, goal: RigidState, steps: int) -> Trajectory:
@@ -123,21 +123,21 @@ def straight(start: RigidState, goal: RigidState, steps: int) -> Trajectory:
 
 def test_a_robot_that_would_see_nothing_for_long_turns_at_once_and_one_that_sees_enough_does_not() -> None:
     motion, (start, goal) = planned(0.0)
-    watch = YawObjective(_BEHIND, 0.4)
-    sights = watch.sights(motion.states)
-    end = choose_goal_heading(watch, sights, (start, goal))
-    better = choose_headings(watch, sights, motion, (start, goal, end), _ROBOT)
+    objective = YawObjective(_BEHIND, 0.4)
+    profile = objective.profile_along(motion.states)
+    end = choose_goal_heading(objective, profile, (start, goal))
+    better = choose_headings(objective, profile, motion, (start, goal, end), _ROBOT)
     assert better is not None
     yaws, times = so3.yaw_of(better.states.rotation).double().numpy(), np.linspace(0, 1, 17)
     even = so3.yaw_of(end.rotation).item() * times
     assert yaws[:2] == pytest.approx(0.0, abs=1e-5)
-    assert (1 - sights.at(times, yaws)).sum() < (1 - sights.at(times, even)).sum() - 0.5
+    assert (1 - profile.at(times, yaws)).sum() < (1 - profile.at(times, even)).sum() - 0.5
     assert np.abs(np.diff(np.unwrap(yaws))).max() < 0.45
     torch.testing.assert_close(better.states.position[4:], motion.states.position[4:])
     assert (better.states.position - motion.states.position).norm(dim=-1).max() < 0.05
     looking, (start, goal) = planned(math.pi)
-    sights = watch.sights(looking.states)
-    assert choose_headings(watch, sights, looking, (start, goal, goal), _ROBOT) is None
+    profile = objective.profile_along(looking.states)
+    assert choose_headings(objective, profile, looking, (start, goal, goal), _ROBOT) is None
 
 
 def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
@@ -145,23 +145,23 @@ def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
     level = RigidState.at_rest((0.0, 0.0, 0.6), yaw=math.pi)
     back = so3.from_yaw(torch.tensor(math.pi)) @ so3.exp(torch.tensor([0.0, -math.pi / 3, 0.0]))
     tilted = replace(level, rotation=back)
-    watch, west = YawObjective(_BEHIND, 0.4), np.array([math.pi])
+    objective, west = YawObjective(_BEHIND, 0.4), np.array([math.pi])
     ways = (RigidState.stack([state] * 5) for state in (level, tilted))
-    seen, seen_then = (watch.sights(way).at(np.array([0.5]), west) for way in ways)
+    seen, seen_then = (objective.profile_along(way).at(np.array([0.5]), west) for way in ways)
     assert seen > 0.9 and seen_then < 0.5 * seen
 
 
 def test_of_headings_that_show_more_it_ends_with_one_with_which_it_may_be_there() -> None:
     motion, (start, goal) = planned(0.0)
-    sights = YawObjective(_BEHIND, 0.4).sights(motion.states)
-    free = choose_headings(YawObjective(_BEHIND, 0.4), sights, motion, (start, goal, goal), _ROBOT)
+    profile = YawObjective(_BEHIND, 0.4).profile_along(motion.states)
+    free = choose_headings(YawObjective(_BEHIND, 0.4), profile, motion, (start, goal, goal), _ROBOT)
     assert free is not None
     side = so3.yaw_of(free.states.rotation[-1]).item()
     other = YawObjective(_BEHIND, 0.4, may_be=lambda end: so3.yaw_of(end.rotation).item() * side < 0)
-    found = choose_headings(other, sights, motion, (start, goal, goal), _ROBOT)
+    found = choose_headings(other, profile, motion, (start, goal, goal), _ROBOT)
     assert found is not None and so3.yaw_of(found.states.rotation[-1]).item() * side < 0
     nowhere = YawObjective(_BEHIND, 0.4, may_be=lambda _: False)
-    assert choose_headings(nowhere, sights, motion, (start, goal, goal), _ROBOT) is None
+    assert choose_headings(nowhere, profile, motion, (start, goal, goal), _ROBOT) is None
 
 
 def test_a_search_that_keeps_headings_moves_positions_alone() -> None:
@@ -171,7 +171,7 @@ def test_a_search_that_keeps_headings_moves_positions_alone() -> None:
         problem = PlanProblem(_BEHIND, _ROBOT, pushed, goal, 16, keeps_headings=keeps)
         wavy = replace(motion, states=replace(motion.states, rotation=_waved(motion.states.rotation)))
         begun = shift_warm_start(wavy, pushed, goal, _ROBOT, executed=0, steps=16)
-        found = last_step(replan_fast(problem, begun, FastPlanConfig()))
+        found = run_steps(replan_fast(problem, begun, FastPlanConfig()))
         headings = _ROBOT.free_headings(len(begun.free))
         turned_by = (found.trajectory.free - begun.free)[headings].abs().max().item()
         moved_by = (found.trajectory.free - begun.free)[: headings.start].abs().max().item()
@@ -189,15 +189,15 @@ def test_a_robot_turns_no_faster_where_steps_are_short(dt: float, count: int) ->
     start = RigidState.at_rest((0.0, 0.0, 0.0))
     still = torch.tensor([_ROBOT.weight, 0.0, 0.0, 0.0]).expand(count, 4)
     way = Motion(RigidState.stack([start] * (count + 1)), still, dt)
-    watch = YawObjective(_BEHIND, 0.4)
-    found = choose_headings(watch, watch.sights(way.states), way, (start, start, start), _ROBOT)
+    objective = YawObjective(_BEHIND, 0.4)
+    found = choose_headings(objective, objective.profile_along(way.states), way, (start, start, start), _ROBOT)
     assert found is not None
     turned_by = np.diff(np.unwrap(so3.yaw_of(found.states.rotation).double().numpy()))
     assert np.abs(turned_by).max() <= 4.0 * dt + 1e-3
 
 
 def test_how_fast_a_robot_turns_follows_from_what_it_can() -> None:
-    assert turning_rate(_ROBOT, 4.0) == 4.0 and turning_rate(_ROBOT, 60.0) == 0.5 * _ROBOT.config.max_rate
+    assert limit_yaw_rate(_ROBOT, 4.0) == 4.0 and limit_yaw_rate(_ROBOT, 60.0) == 0.5 * _ROBOT.config.max_rate
     slow = Quadrotor(replace(_ROBOT.config, max_rate=2.0))
-    assert turning_rate(slow, 4.0) == 1.0
-    assert turning_rate(Couch(), 4.0) == 2.5
+    assert limit_yaw_rate(slow, 4.0) == 1.0
+    assert limit_yaw_rate(Couch(), 4.0) == 2.5

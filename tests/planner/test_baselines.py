@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from nerfnav import robots
+from nerfnav.core.steps import run_steps
 from nerfnav.planner import terms
 from nerfnav.planner.baselines.rrt import RRTConfig
 from nerfnav.planner.planners.minsnap import MinSnapPlanner
@@ -28,11 +29,11 @@ def test_what_is_left_of_a_plan_is_planned_again_from_where_the_robot_is(make: C
     problem = across(ball(0.15), height=0.5)  # with room below and above
     planner = make(problem.field, ROBOT)
     assert isinstance(planner, Planner)
-    *_, first = planner.plan(problem.route)
+    first = run_steps(planner.plan(problem.route))
     assert first.outcome is PlanOutcome.CONVERGED
     executed = 6
     pushed = first.motion.states[executed].retract(torch.tensor([0.02, -0.02, 0.01, *[0.0] * 9]))
-    *_, again = planner.replan(first.motion, Route(pushed, problem.goal, 14), executed)
+    again = run_steps(planner.replan(first.motion, Route(pushed, problem.goal, 14), executed))
     states = again.motion.states
     assert torch.allclose(states.position[0], pushed.position)
     assert torch.allclose(states.position[-1], problem.goal.position, atol=1e-4)
@@ -43,9 +44,9 @@ def test_what_is_left_of_a_plan_is_planned_again_from_where_the_robot_is(make: C
 
 def test_what_is_added_to_the_cost_is_counted_whoever_plans() -> None:
     problem = across(ball())
-    planner = MinSnapPlanner(problem.field, ROBOT, terms=(*terms.counted(), LAST_X))
-    *_, first = planner.plan(problem.route)
-    *_, again = planner.replan(first.motion, Route(first.motion.states[6], problem.goal, 14), 6)
+    planner = MinSnapPlanner(problem.field, ROBOT, terms=(*terms.list_terms(), LAST_X))
+    first = run_steps(planner.plan(problem.route))
+    again = run_steps(planner.replan(first.motion, Route(first.motion.states[6], problem.goal, 14), 6))
     for step in (first, again):
         (added,) = step.cost.added
         assert added.value == pytest.approx(problem.goal.position[0].item(), abs=1e-4)
@@ -54,9 +55,9 @@ def test_what_is_added_to_the_cost_is_counted_whoever_plans() -> None:
 def test_a_cart_that_is_believed_to_be_in_the_air_is_planned_for_on_the_ground() -> None:
     start, goal = RigidState.at_rest((-0.7, 0.05, 0.1)), RigidState.at_rest((0.7, 0.0, 0.1))
     planner = MinSnapPlanner(across(ball()).field, robots.load("diffdrive"))
-    *_, first = planner.plan(Route(start, goal))
+    first = run_steps(planner.plan(Route(start, goal)))
     lifted = first.motion.states[6].retract(torch.tensor([0.0, 0.0, 0.02, *[0.0] * 3, 0.02, *[0.0] * 5]))
-    *_, again = planner.replan(first.motion, Route(lifted, goal, 14), 6)
+    again = run_steps(planner.replan(first.motion, Route(lifted, goal, 14), 6))
     torch.testing.assert_close(again.motion.states.position[:, 2], torch.full((15,), 0.1))
 
 
@@ -64,9 +65,9 @@ def test_a_cart_that_is_believed_to_be_in_the_air_is_planned_for_on_the_ground()
 def test_a_longer_horizon_than_what_is_left_waits_at_the_goal(make: Callable[..., Planner]) -> None:
     problem = across(ball())
     planner = make(problem.field, ROBOT)
-    *_, first = planner.plan(problem.route)
+    first = run_steps(planner.plan(problem.route))
     near = RigidState.at_rest((0.68, 0.0, 0.4), 0.5)
-    *_, again = planner.replan(first.motion, Route(near, problem.goal, 6), 18)
+    again = run_steps(planner.replan(first.motion, Route(near, problem.goal, 6), 18))
     assert len(again.motion.actions) == 6
     assert torch.isfinite(again.motion.actions).all()
     assert (again.motion.states.position - problem.goal.position).norm(dim=-1).max() < 0.3

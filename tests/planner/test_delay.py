@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.solvers.warm_start import replan_from
-from nerfnav.planner.steps import last_step
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.delay import DELAY, delay
 from nerfnav.robots.state import RigidState
@@ -41,10 +41,10 @@ def test_its_kernel_has_the_value_and_the_derivative_of_the_reference() -> None:
 def test_a_robot_whose_arrival_is_put_off_at_each_step_comes_near_at_once() -> None:
     start = RigidState.at_rest((0.0, 0.0, 0.22))
     problem = PlanProblem(Fog(rho=0.0), ROBOT, start, GOAL, 6)
-    last = last_step(plan_fast(problem)).motion
+    last = run_steps(plan_fast(problem)).motion
     for step in range(4):
         if step:
             assert torch.allclose(last.states.position[-1], GOAL.position, atol=1e-5) and len(last.actions) == 6
         here = replace(problem, start=last.states[1])
-        last = last_step(replan_from(here, last, 1, FastPlanConfig())).motion
+        last = run_steps(replan_from(here, last, 1, FastPlanConfig())).motion
     assert (last.states.position[0] - GOAL.position).norm() < 0.03, "9 cm without"

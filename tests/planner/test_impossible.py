@@ -8,12 +8,13 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError, OccupiedError
+from nerfnav.core.steps import run_steps
 from nerfnav.field.core.protocol import Field
 from nerfnav.planner.baselines.minsnap import plan_minimum_snap
 from nerfnav.planner.baselines.rrt import plan_rrt
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.solvers.fast import plan_fast
-from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+from nerfnav.planner.steps import PlanOutcome, PlanResult
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import RigidState
 from tests.planner.places import Wall, ball
@@ -50,8 +51,8 @@ CASES = {
 }
 
 
-def planned(robot: Robot, case: Case) -> PlanStep:
-    return last_step(plan_fast(PlanProblem(case.field, robot, LEFT, case.goal, case.steps or robot.minimum_steps)))
+def planned(robot: Robot, case: Case) -> PlanResult:
+    return run_steps(plan_fast(PlanProblem(case.field, robot, LEFT, case.goal, case.steps or robot.minimum_steps)))
 
 
 @each_robot

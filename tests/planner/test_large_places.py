@@ -11,10 +11,9 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy, UnknownSpace, planning_field
 from nerfnav.field.models.bricks import BrickField, convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.occupancy_grid import UnknownSpace, planning_field
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.planner.space.astar import SearchConfig, find_paths
@@ -27,16 +26,16 @@ ROBOT = robots.load("quadrotor25")
 ROOT = Path(__file__).parents[2]
 
 
-def cluttered(voxel: float, state: State) -> BrickField:
+def cluttered(voxel: float, state: Occupancy) -> BrickField:
     """A room with thin things in it, most of them one node thick."""
     sticks = [Block((0.31 + 0.57 * n, 0.2, 0.2), (0.31 + 0.57 * n, 2.7, 0.2), state) for n in range(5)]
     specks = [Block((0.6 + 0.57 * n, 1.13, 1.31), (0.6 + 0.57 * n, 1.13, 1.31), state) for n in range(5)]
     return field_of(Building((3.0, 3.0, 2.0), (*shell_of((3.0, 3.0, 2.0), voxel), *sticks, *specks)), voxel)
 
 
-@pytest.mark.parametrize("state", [State.SOLID, State.UNPROVEN])
+@pytest.mark.parametrize("state", [Occupancy.SOLID, Occupancy.UNPROVEN])
 @pytest.mark.parametrize("voxel", [0.05, 0.09, 0.21])
-def test_nothing_solid_or_unproven_becomes_free_on_a_map_however_coarse(voxel: float, state: State):
+def test_nothing_solid_or_unproven_becomes_free_on_a_map_however_coarse(voxel: float, state: Occupancy):
     field = planning_field(cluttered(0.04, state), UnknownSpace.OCCUPIED)
     body = Body.box((0.25, 0.25, 0.1), (11, 11, 5))
     occupancy = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel))
@@ -126,6 +125,6 @@ save_field(field_of(hall(), 0.04), Path({str(tmp_path / "hall.npz")!r}))
         [sys.executable, "-c", _HALL, str(tmp_path / "hall.npz")], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["outcome"] == "CONVERGED"
-    assert told["peak"] < 4e9
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["outcome"] == "CONVERGED"
+    assert found["peak"] < 4e9

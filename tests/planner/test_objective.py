@@ -10,7 +10,7 @@ from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.bfgs import NewtonConfig, bfgs, minimise, preconditioner
 from nerfnav.planner.space.astar import waypoints_along
-from nerfnav.planner.terms.term import TermContext, evaluate, well_spread
+from nerfnav.planner.terms.term import TermContext, evaluate, select_spaced
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, ball
@@ -30,7 +30,7 @@ def guess(spread: float = 0.0) -> np.ndarray:
 
 
 def objective() -> Objective:
-    return Objective(CONTEXT, Route(START, GOAL, STEPS, DT), terms.counted())
+    return Objective(CONTEXT, Route(START, GOAL, STEPS, DT), terms.list_terms())
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, 1.0])  # the last one leaves the box and runs out of thrust
@@ -39,7 +39,7 @@ def test_the_compiled_terms_and_gradient_are_those_of_the_reference(spread: floa
     compiled = objective()(free)
     at = torch.from_numpy(free).requires_grad_()
     start, goal = START.to(torch.float64), GOAL.to(torch.float64)
-    found = evaluate(terms.counted(), CONTEXT, ROBOT.motion(at, start, goal, STEPS, DT))
+    found = evaluate(terms.list_terms(), CONTEXT, ROBOT.motion(at, start, goal, STEPS, DT))
     reference, (gradient,) = found.numbers(), torch.autograd.grad(found.total, at)
     assert compiled.cost.collision == pytest.approx(reference.collision, rel=1e-5)
     assert compiled.cost.control == pytest.approx(reference.control, rel=1e-5)
@@ -69,7 +69,7 @@ def test_the_gradient_is_that_of_finite_differences_for_every_robot(name: str, c
     free = robot.encode(waypoints, start, goal, DT).double().numpy()
     if not still:  # at a standstill distances have a kink, and nothing is met there
         free = free + 0.01 * np.random.default_rng(0).standard_normal(free.shape)
-    j, step = Objective(TermContext(ball(), robot, WEIGHTS), Route(start, goal, STEPS, DT), terms.counted()), 1e-6
+    j, step = Objective(TermContext(ball(), robot, WEIGHTS), Route(start, goal, STEPS, DT), terms.list_terms()), 1e-6
     gradient = j(free).gradient
     assert np.isfinite(gradient).all()
     generator = np.random.default_rng(1)
@@ -98,10 +98,10 @@ def test_what_was_looked_at_before_does_not_change_j():
 
 def test_a_coarse_body_keeps_the_outermost_points():
     points = ROBOT.body.points_body
-    corners = well_spread(points, 8)
+    corners = select_spaced(points, 8)
     assert len(corners.unique(dim=0)) == 8
     assert torch.equal(corners.abs().amax(0), points.abs().amax(0))
-    assert len(well_spread(points, 1000)) == len(points)
+    assert len(select_spaced(points, 1000)) == len(points)
 
 
 def test_bfgs_explains_the_last_change_of_the_gradient():
@@ -127,11 +127,11 @@ def test_the_preconditioner_inverts_a_quadratic_with_its_curvature_made_positive
 def test_every_step_of_the_search_lowers_the_cost_until_it_settles():
     scales = ROBOT.free_scales(torch.from_numpy(guess())).numpy()
     steps = list(minimise(objective(), objective()(guess()), scales, NewtonConfig()))
-    totals = [step.cost.total for step, _ in steps]
+    totals = [step.point.cost.total for step in steps]
     assert totals == sorted(totals, reverse=True)
-    assert [settled for _, settled in steps].index(True) == len(steps) - 1
+    assert [step.settled for step in steps].index(True) == len(steps) - 1
     assert totals[-1] < 0.2 * totals[0]
-    assert steps[-1][0].cost.collision < 0.1
+    assert steps[-1].point.cost.collision < 0.1
 
 
 def test_a_search_begins_again_from_where_it_is_after_each_stretch(monkeypatch: pytest.MonkeyPatch):
@@ -139,13 +139,13 @@ def test_a_search_begins_again_from_where_it_is_after_each_stretch(monkeypatch: 
     made: list[np.ndarray] = []
     scales = ROBOT.free_scales(torch.from_numpy(guess())).numpy()
 
-    def counted(*asked: object) -> np.ndarray:
-        made.append(asked[1])  # type: ignore[arg-type]
-        return preconditioner(*asked)  # type: ignore[arg-type]
+    def counted(*arguments: object) -> np.ndarray:
+        made.append(arguments[1])  # type: ignore[arg-type]
+        return preconditioner(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr("nerfnav.planner.solvers.bfgs.preconditioner", counted)
     steps = list(minimise(objective(), objective()(guess()), scales, NewtonConfig(iterations=25, stretch=10)))
-    totals = [step.cost.total for step, _ in steps]
+    totals = [step.point.cost.total for step in steps]
     assert len(steps) == 26 and totals == sorted(totals, reverse=True)
     for begun, at in zip(made, (0, 10, 20), strict=True):
-        np.testing.assert_array_equal(begun, steps[at][0].free)
+        np.testing.assert_array_equal(begun, steps[at].point.free)

@@ -39,7 +39,7 @@ def test_fog_is_free_and_stone_is_not(rho: float, occupied: bool):
     assert (OccupancyMap.of(Fog(rho=rho), ROBOT.body, COARSE).occupied[INSIDE] == occupied).all()
 
 
-def test_space_is_dearer_near_a_wall_and_priceless_inside():
+def test_space_costs_more_near_a_wall_and_priceless_inside():
     occupancy = OccupancyMap.of(Wall(door=0.0), ROBOT.body, COARSE)
     line = occupancy.prices[0, 2:-2, 10, 10]  # where no body reaches beyond the border
     assert np.isinf(line[len(line) // 2])

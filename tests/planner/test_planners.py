@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import pytest
 
 from nerfnav.core.errors import NameTakenError, UnknownNameError
+from nerfnav.core.steps import run_steps
 from nerfnav.planner import planners
 from nerfnav.planner.planners.minsnap import MinSnapPlanner
 from nerfnav.planner.planners.planner import RISK, Planner, PlannerConfig, PlannerEntry, with_room
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.solvers.fast import FastPlanConfig
-from nerfnav.planner.steps import PlanOutcome, last_step
+from nerfnav.planner.steps import PlanOutcome
 from nerfnav.planner.trajectory import Route
 from tests.planner.places import ROBOT, across, ball
 
@@ -47,7 +48,7 @@ def test_every_planner_is_made_from_its_entry_and_has_settings(name: str) -> Non
 def test_a_planner_from_outside_plans_under_its_name(mine: PlannerEntry) -> None:
     assert "mine" in planners.names()
     problem = across(ball(0.15), height=0.5)
-    last = last_step(planners.load("mine").planner(problem.field, ROBOT).plan(problem.route))
+    last = run_steps(planners.load("mine").planner(problem.field, ROBOT).plan(problem.route))
     assert last.outcome is PlanOutcome.CONVERGED and len(last.motion.actions) == Route.steps
 
 

@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.geometry import Box, so3
 from nerfnav.planner import planners, terms
 from nerfnav.planner.objective.objective import Objective
@@ -17,16 +18,17 @@ from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.planner import RISK, with_risk
 from nerfnav.planner.risk.collision_map import CollisionMap
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.risk.tracking_error import NoiseModel, RiskContext, tracking_deviations
+from nerfnav.planner.risk.tracking_error import RiskContext, tracking_deviations
 from nerfnav.planner.solvers.chance_constraint import bound_risk, enforce_chance_constraint
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep
 from nerfnav.planner.terms.risk import RISK as RISK_TERM
 from nerfnav.planner.terms.risk import risk
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.planner.trajectory import Route
+from nerfnav.robots import NoiseModel, StateNoise
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.quadrotor import Quadrotor
@@ -36,7 +38,7 @@ from tests.planner.objective.test_objective import BOX, room
 from tests.planner.places import ROBOT, Colorless, Wall, across, ball, straight_motion
 from tests.planner.test_objective import DT, GOAL, START, STEPS, guess
 
-PUSHED = NoiseModel((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+PUSHED = NoiseModel(StateNoise(0.02, 0.0, 0.0, 0.0), StateNoise(0.0, 0.0, 0.0, 0.0))
 """Noise on the position alone, and a state that is known."""
 PAPER, CAREFUL = FastPlanConfig(), FastPlanConfig(weights=CostWeights(risk=RISK))
 WEIGHED = CostWeights(risk=RISK, collision=0.3)
@@ -74,8 +76,8 @@ def _crossing(free: Tensor) -> float:
     return inner[inner[:, 0].abs().argmin(), 1].item()
 
 
-def planned(problem: PlanProblem, config: FastPlanConfig | None = None) -> PlanStep:
-    step = last_step(plan_fast(problem, config))
+def planned(problem: PlanProblem, config: FastPlanConfig | None = None) -> PlanResult:
+    step = run_steps(plan_fast(problem, config))
     assert step.outcome is PlanOutcome.CONVERGED
     return step
 
@@ -86,18 +88,19 @@ def expected(problem: PlanProblem, step: PlanStep) -> float:
 
 
 def test_noise_grows_until_the_next_action_reaches_the_position():
-    spreads = tracking_deviations(ROBOT, 0.1, PUSHED)
-    assert [level for level, _ in spreads] == pytest.approx([0.02 * math.sqrt(steps) for steps in (1, 2, 3, 4)])
-    assert [height for _, height in spreads] == pytest.approx([0.02 * math.sqrt(steps) for steps in (1, 2, 2, 2)])
-    for pushed, by_default in zip(spreads, tracking_deviations(ROBOT, 0.1, NoiseModel()), strict=True):
-        assert all(least < size < 1.1 * least for least, size in zip(pushed, by_default, strict=True))
-    assert tracking_deviations(DiffDrive(), 0.1, PUSHED)[-1][0] == pytest.approx(0.04)  # to the side never reached
+    deviations = tracking_deviations(ROBOT, 0.1, PUSHED)
+    assert [each.level for each in deviations] == pytest.approx([0.02 * math.sqrt(steps) for steps in (1, 2, 3, 4)])
+    assert [each.height for each in deviations] == pytest.approx([0.02 * math.sqrt(steps) for steps in (1, 2, 2, 2)])
+    for pushed, by_default in zip(deviations, tracking_deviations(ROBOT, 0.1, NoiseModel()), strict=True):
+        assert pushed.level < by_default.level < 1.1 * pushed.level
+        assert pushed.height < by_default.height < 1.1 * pushed.height
+    assert tracking_deviations(DiffDrive(), 0.1, PUSHED)[-1].level == pytest.approx(0.04)  # to the side never reached
 
 
 @pytest.mark.slow
-def test_the_spread_is_that_of_robots_that_nothing_takes_back():
-    draws, disturbance = torch.Generator().manual_seed(0), NoiseModel()
-    std, known = (torch.tensor(part).repeat_interleave(3) for part in (disturbance.noise, disturbance.estimate))
+def test_the_tracking_error_is_that_of_robots_without_control():
+    draws, noise = torch.Generator().manual_seed(0), NoiseModel()
+    std, known = noise.process.std(), noise.estimate.std()
     still = RigidState.at_rest((0.0, 0.0, 0.0))
     hover = ROBOT.hold(still, 0.1)
     ends = []
@@ -107,16 +110,16 @@ def test_the_spread_is_that_of_robots_that_nothing_takes_back():
             state = ROBOT.step(state, hover, 0.1).retract(std * torch.randn(12, generator=draws))
         ends.append(state.position)
     level = torch.stack(ends)[:, :2].std().item()
-    assert level == pytest.approx(tracking_deviations(ROBOT, 0.1, disturbance)[-1][0], rel=0.08)
+    assert level == pytest.approx(tracking_deviations(ROBOT, 0.1, noise)[-1].level, rel=0.08)
 
 
 def test_the_chance_at_a_wall_is_the_tail_of_the_noise():
-    risk_context, wall = RiskContext(disturbance=PUSHED), Wall(door=0.0)
-    danger = CollisionMap.of(wall, ROBOT, risk_context)
+    risk_context, wall = RiskContext(noise=PUSHED), Wall(door=0.0)
+    chances = CollisionMap.of(wall, ROBOT, risk_context)
     edge = 0.05 + 0.1 + 0.01 * math.log(200 / 5 - 1)  # half of the body, and where the wall's density falls below 5 / m
-    for layer, deviation in zip(danger.chances, (0.02, 0.02 * 2**0.5, 0.02 * 3**0.5, 0.04), strict=True):
+    for layer, deviation in zip(chances.chances, (0.02, 0.02 * 2**0.5, 0.02 * 3**0.5, 0.04), strict=True):
         row = layer[0, :, layer.shape[2] // 2, layer.shape[3] // 2]
-        x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
+        x = chances.lower[0] + np.arange(len(row)) / chances.per_meter[0]
         near = (x > 0) & (np.abs(x - edge) > 0.01)  # a node is 2.5 cm from the next
         tail = np.array([0.5 * math.erfc((at - edge) / deviation / math.sqrt(2)) for at in x])
         np.testing.assert_allclose(row[near], tail[near], atol=0.2 * 0.02 / deviation + 0.02)
@@ -126,7 +129,7 @@ def test_the_chance_at_a_wall_is_the_tail_of_the_noise():
 
 
 def test_what_is_near_in_time_is_less_uncertain_than_what_is_far():
-    """Beside a wall a plan that stays there is soon endangered, one that leaves at once is not."""
+    """Beside a wall a plan that stays there is soon at risk, one that leaves at once is not."""
     problem, wall = across(Wall(door=0.0)), 0.05 + 0.1 + 0.01 * math.log(200 / 5 - 1)
     here = (-(wall + 0.045), 0.0, 0.3)
     staying, leaving = straight_motion(here, here), straight_motion(here, (-0.9, 0.0, 0.3))
@@ -138,7 +141,7 @@ def test_what_is_near_in_time_is_less_uncertain_than_what_is_far():
     assert leaves < stays / 4 and leaves < 3 * later and sure < 0.2 * later
 
 
-def test_beyond_the_box_it_is_as_dangerous_as_at_its_border():
+def test_the_chance_beyond_the_box_is_that_at_its_border():
     problem = across(Wall(door=0.0))
     over = straight_motion((-0.1, 0.0, 1.05), (0.1, 0.0, 1.05))
     below = straight_motion((-0.1, 0.0, 1.0), (0.1, 0.0, 1.0))
@@ -146,7 +149,7 @@ def test_beyond_the_box_it_is_as_dangerous_as_at_its_border():
     assert expected[0] == pytest.approx(expected[1], rel=1e-5) and expected[0] > 5
 
 
-def test_where_risk_counts_ways_are_looked_for_that_noise_does_not_make_dear():
+def test_where_risk_counts_paths_avoid_what_noise_makes_costly():
     wall = Doors()
     problem = across(wall)
     occupancy = map_for(problem, FastPlanConfig().occupancy)
@@ -167,8 +170,8 @@ def test_the_compiled_term_is_that_of_the_reference_and_its_gradient_that_of_fin
 ):
     problem = PlanProblem(room(), robot, START, GOAL, STEPS, DT, overdue=overdue)
     nothing = CostTerm("nothing", lambda context, motion: 0 * motion.actions.sum((-2, -1)))
-    j = Objective(problem.context(WEIGHED), problem.route, terms.counted())
-    plain = Objective(problem.context(WEIGHED), problem.route, (*terms.counted(), nothing))
+    j = Objective(problem.context(WEIGHED), problem.route, terms.list_terms())
+    plain = Objective(problem.context(WEIGHED), problem.route, (*terms.list_terms(), nothing))
     assert j.fused is not None and plain.fused is None
     free, step = guess(0.02), 1e-6
     here, there = j(free), plain(free)
@@ -218,14 +221,14 @@ def test_a_long_robot_goes_through_a_strait_lengthwise():
 def test_maps_that_tell_headings_apart_know_with_which_of_them_noise_is_likely_to_hit():
     wall, couch = Wall(door=0.36), Couch()
     occupancy = OccupancyMap.of(wall, couch.body, OccupancyConfig(), 0.4)
-    danger = CollisionMap.of(wall, couch, RiskContext(height=0.4))
-    found = danger.sample_voxels(occupancy)
+    chances = CollisionMap.of(wall, couch, RiskContext(height=0.4))
+    found = chances.sample_voxels(occupancy)
     assert found.shape == occupancy.by_heading.shape and len(found) > 4
     x, y = ((at - occupancy.box.lower[axis].item()) / occupancy.spacing[axis].item() for axis, at in ((0, 0), (1, 0.5)))
     door = found[:, round(x), round(y), 0]
     assert door.argmin() == 0 and door[len(door) // 2] > door[0] + 0.2
     single = OccupancyMap.of(wall, couch.body, OccupancyConfig(headings=1), 0.4)
-    np.testing.assert_array_equal(danger.sample_voxels(single)[0] <= found.min(0) + 1e-6, True)
+    np.testing.assert_array_equal(chances.sample_voxels(single)[0] <= found.min(0) + 1e-6, True)
 
 
 def test_without_weight_risk_is_no_part_of_a_plan_and_so_it_is_in_the_paper():
@@ -272,25 +275,25 @@ def test_a_robot_whose_arrival_is_put_off_does_not_wait_outside_of_a_strait():
     wall = Wall(door=0.3)
     start, goal = RigidState.at_rest((-0.35, 0.5, 0.4)), RigidState.at_rest((0.0, 0.5, 0.4))
     planner = FastPlanner(wall, ROBOT, CAREFUL, CAREFUL)
-    step, state = last_step(planner.plan(Route(start, goal, 8))), start
+    step, state = run_steps(planner.plan(Route(start, goal, 8))), start
     for _ in range(16):
         state = ROBOT.step(state, step.motion.actions[0], 0.1)
         left = max(len(step.motion.actions) - 1, 6)
-        step = last_step(planner.replan(step.motion, Route(state, goal, left), executed=1))
+        step = run_steps(planner.replan(step.motion, Route(state, goal, left), executed=1))
     assert (state.position - goal.position).norm() < 0.08
 
 
 @pytest.mark.slow
-def test_where_noise_makes_every_way_too_risky_the_plan_says_so_and_is_the_least_risky_found():
+def test_where_noise_makes_every_path_too_risky_the_plan_says_so_and_is_the_least_risky_found():
     problem = across(Wall(door=0.28))
     first = planned(problem, CAREFUL)
-    last = last_step(enforce_chance_constraint(problem, first, CAREFUL, 0.05))
+    last = run_steps(enforce_chance_constraint(problem, first, CAREFUL, 0.05))
     assert last.outcome is PlanOutcome.TOO_RISKY
     least, begun = (bound_risk(problem, step, CAREFUL.weights) for step in (last, first))
     assert 0.05 < least <= begun
-    little = (0.001, 0.001, 0.001, 0.001)
-    calm = replace(problem, disturbance=NoiseModel(little, little))
+    little = StateNoise(0.001, 0.001, 0.001, 0.001)
+    calm = replace(problem, noise=NoiseModel(little, little))
     assert (
-        last_step(enforce_chance_constraint(calm, planned(calm, CAREFUL), CAREFUL, 0.05)).outcome
+        run_steps(enforce_chance_constraint(calm, planned(calm, CAREFUL), CAREFUL, 0.05)).outcome
         is PlanOutcome.CONVERGED
     )

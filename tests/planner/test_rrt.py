@@ -47,7 +47,7 @@ def test_the_same_seed_gives_the_same_path_and_another_seed_another() -> None:
 def test_a_plan_is_flown_around_the_ball_to_the_goal_under_the_dynamics() -> None:
     problem = across(ball())
     occupancy = OccupancyMap.of(problem.field, ROBOT.body, MAP)
-    (step,) = plan_rrt(problem, COARSE, occupancy)
+    step = plan_rrt(problem, COARSE, occupancy)
     assert step.outcome is PlanOutcome.CONVERGED
     states = step.motion.states
     assert (states.position[-1] - problem.goal.position).norm() < 0.05
@@ -59,7 +59,7 @@ def test_a_plan_is_flown_around_the_ball_to_the_goal_under_the_dynamics() -> Non
 
 def test_a_goal_behind_a_closed_wall_ends_at_the_time_limit() -> None:
     problem = across(Wall(door=0.0))
-    (step,) = plan_rrt(problem, replace(COARSE, time_limit=0.2))
+    step = plan_rrt(problem, replace(COARSE, time_limit=0.2))
     assert step.outcome is PlanOutcome.TIME_LIMIT
     assert torch.isfinite(step.motion.states.position).all()
 
@@ -97,10 +97,10 @@ def test_ends_that_cannot_be_planned_between_are_refused() -> None:
     problem = across(ball())
     inside = RigidState.at_rest((0.0, 0.0, 0.4))
     with pytest.raises(OccupiedError, match="occupied space"):
-        next(plan_rrt(PlanProblem(problem.field, ROBOT, inside, problem.goal), COARSE))
+        plan_rrt(PlanProblem(problem.field, ROBOT, inside, problem.goal), COARSE)
 
 
 def test_robots_on_the_ground_are_refused() -> None:
     problem = across(ball())
     with pytest.raises(InvalidInputError, match="a couch stays on the ground"):
-        next(plan_rrt(replace(problem, robot=robots.load("couch")), COARSE))
+        plan_rrt(replace(problem, robot=robots.load("couch")), COARSE)

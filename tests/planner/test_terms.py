@@ -9,13 +9,14 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, NameTakenError, UnknownNameError
+from nerfnav.core.steps import run_steps
 from nerfnav.planner import planners, terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.space.astar import waypoints_along
-from nerfnav.planner.steps import PlanStep, last_step
+from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.flat_map import FlatMap
@@ -58,7 +59,7 @@ def known() -> Iterator[Callable[[CostTerm], None]]:
 
 def planned(name: str) -> PlanStep:
     planner = planners.load(name).planner(EMPTY, ROBOT, SETTINGS[name])
-    return last_step(planner.plan(Route(START, GOAL)))
+    return run_steps(planner.plan(Route(START, GOAL)))
 
 
 @pytest.mark.parametrize("name", ["fast", pytest.param("paper", marks=pytest.mark.slow)])
@@ -85,7 +86,7 @@ def test_every_planner_reports_a_registered_term_and_its_time(
     assert step.cost.total == pytest.approx(step.cost.collision + step.cost.control + step.cost.limits + added.value)
 
 
-def test_the_time_that_is_told_is_the_time_that_was_taken(known: Callable[[CostTerm], None]) -> None:
+def test_the_reported_time_is_the_time_that_was_taken(known: Callable[[CostTerm], None]) -> None:
     def slow(context: TermContext, motion: Motion) -> Tensor:
         begun = torch.randn(300, 300)
         for _ in range(20):
@@ -93,7 +94,7 @@ def test_the_time_that_is_told_is_the_time_that_was_taken(known: Callable[[CostT
         return 0 * begun.sum() + height(context, motion)
 
     quick, late = CostTerm("quick", height), CostTerm("late", slow)
-    objective = Objective(CONTEXT, Route(START, GOAL), (*terms.counted(), quick, late))
+    objective = Objective(CONTEXT, Route(START, GOAL), (*terms.list_terms(), quick, late))
     free = straight(robots.load("quadrotor"))
     for _ in range(20):
         added = objective(free).cost.added
@@ -102,7 +103,7 @@ def test_the_time_that_is_told_is_the_time_that_was_taken(known: Callable[[CostT
 
 
 def test_a_term_of_one_problem_is_not_counted_in_another() -> None:
-    mine = PlanProblem(EMPTY, ROBOT, START, GOAL, terms=(*terms.counted(), CostTerm("height", height)))
+    mine = PlanProblem(EMPTY, ROBOT, START, GOAL, terms=(*terms.list_terms(), CostTerm("height", height)))
     assert "height" in {term.name for term in mine.terms}
     assert "height" not in {term.name for term in PlanProblem(EMPTY, ROBOT, START, GOAL).terms}
 
@@ -148,14 +149,14 @@ def test_a_term_with_a_kernel_of_its_own_is_evaluated_by_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "wrong"),
     [(lambda _, motion: motion.states.position[..., 2], r"shape \(21,\)"), (lambda *_: 1.0, "float")],
 )
 def test_a_term_that_gives_no_number_for_a_motion_is_refused_by_name(
-    value: Callable[[TermContext, Motion], Tensor], told: str
+    value: Callable[[TermContext, Motion], Tensor], wrong: str
 ) -> None:
     objective = Objective(CONTEXT, Route(START, GOAL), (CostTerm("mine", value),))
-    with pytest.raises(InvalidInputError, match=f"cost term 'mine'.*{told}"):
+    with pytest.raises(InvalidInputError, match=f"cost term 'mine'.*{wrong}"):
         objective(straight(ROBOT))
 
 

@@ -38,14 +38,14 @@ def test_a_blank_wall_shows_as_little_as_the_void() -> None:
     assert before < 0.1 < 0.7 < painted
 
 
-def test_sights_are_those_of_the_places_and_headings_they_were_taken_at_and_between_them_between_those() -> None:
+def test_the_profile_is_that_of_the_places_and_headings_they_were_taken_at_and_between_them_between_those() -> None:
     seen = np.random.default_rng(0).random((3, VIEW_HEADINGS))
-    sights, headings = VisibilityProfile(seen), np.arange(VIEW_HEADINGS) * math.tau / VIEW_HEADINGS
+    profile, headings = VisibilityProfile(seen), np.arange(VIEW_HEADINGS) * math.tau / VIEW_HEADINGS
     for row, place in enumerate((0.0, 0.5, 1.0)):
         for turns in (-math.tau, 0.0, 2 * math.tau):
-            found = sights.at(np.full(VIEW_HEADINGS, place), headings + turns)
+            found = profile.at(np.full(VIEW_HEADINGS, place), headings + turns)
             np.testing.assert_allclose(found, seen[row], atol=1e-9)
-    between = sights.at(np.array([0.25]), np.array([-0.5 * math.tau / VIEW_HEADINGS]))
+    between = profile.at(np.array([0.25]), np.array([-0.5 * math.tau / VIEW_HEADINGS]))
     assert between[0] == pytest.approx(seen[:2][:, [0, -1]].mean())
 
 

@@ -5,8 +5,7 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.limits import limit_uses
-from nerfnav.robots.robot import Robot
+from nerfnav.robots.robot import Robot, limit_uses
 from nerfnav.robots.state import RigidState
 from tests.robots.motions import DT, EVERY, PARTS, STEPS, eased, ends, free_numbers, largest_difference, rolled_out
 

@@ -19,7 +19,7 @@ def test_it_keeps_its_velocities() -> None:
 
 def test_it_is_known_by_name_but_no_choice_for_plans() -> None:
     robot = robots.load("handheld")
-    assert "handheld" not in robots.names() and robots.known("handheld")
+    assert "handheld" not in robots.names() and robots.is_known("handheld")
     state = RigidState.at_rest((0.0, 0.0, 0.0))
     with pytest.raises(InvalidInputError, match="tracked, not planned for"):
         robot.check_ends(state, state)

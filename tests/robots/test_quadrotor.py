@@ -11,8 +11,8 @@ import torch
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.geometry import so3
-from nerfnav.robots.limits import penalty
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
+from nerfnav.robots.robot import penalty
 from nerfnav.robots.state import Motion, RigidState
 
 STEPS, DT = 20, 0.1
@@ -291,9 +291,9 @@ def test_small_steps_converge_to_the_recorded_flight(number: int):
     coarse, fine, best = (error(state, recorded) for state in (*states, extrapolated))
     assert (fine < 0.1).all()
     # explicit Euler: half the step, half the error ...
-    told = coarse > 1e-6
-    assert told.any() or number in (0, 4)  # the first flight of each vehicle hovers: there is no error to halve
-    assert (((coarse / fine)[told] - 2).abs() < 0.1).all()
+    counts = coarse > 1e-6
+    assert counts.any() or number in (0, 4)  # the first flight of each vehicle hovers: there is no error to halve
+    assert (((coarse / fine)[counts] - 2).abs() < 0.1).all()
     # ... and Richardson's extrapolation removes nearly all of it
     assert (best <= 0.05 * fine + 1e-5).all()
 
@@ -312,7 +312,7 @@ def test_what_comes_of_holding_is_that_of_its_steps(seed: int):
     start = level.retract(noise * torch.randn(12, generator=draws, dtype=torch.float64))
     wanted = torch.zeros(20, 3, dtype=torch.float64)
     wanted[: seed % 5] = torch.randn(3, generator=draws, dtype=torch.float64)
-    expected, found = (robot.held(start, wanted, DT, 0.1) for robot in (Plain(), ROBOT))
+    expected, found = (robot.roll_out_hold(start, wanted, DT, 0.1) for robot in (Plain(), ROBOT))
     assert len(found.actions) == len(expected.actions) < 20
     torch.testing.assert_close(found.actions, expected.actions, rtol=1e-6, atol=1e-6)
     for part in ("position", "velocity", "rotation", "body_rate"):
@@ -327,5 +327,5 @@ def test_who_holds_otherwise_is_not_moved_by_the_compiled_twin():
             return torch.zeros(4)
 
     start = RigidState.at_rest((0.0, 0.0, 0.5))
-    fallen = Idle().held(start, torch.ones(5, 3), DT, 0.1).states
+    fallen = Idle().roll_out_hold(start, torch.ones(5, 3), DT, 0.1).states
     assert fallen.velocity[-1, 2].item() == pytest.approx(-9.81 * 5 * DT, rel=1e-4)

@@ -108,11 +108,11 @@ def test_a_robot_is_found_again_by_its_source_from_any_folder(tmp_path: Path, mo
     monkeypatch.chdir(tmp_path)
     robot = robots.load("robot.yaml")
     monkeypatch.chdir("/")
-    assert robots.load(robot.source).name == "scout" and robots.known(robot.source)
-    assert robots.load("couch").source == "couch" and not robots.known("robot.yaml")
+    assert robots.load(robot.source).name == "scout" and robots.is_known(robot.source)
+    assert robots.load("couch").source == "couch" and not robots.is_known("robot.yaml")
 
 
-def test_a_name_that_is_no_robot_is_told_with_the_known_ones() -> None:
+def test_a_name_that_is_no_robot_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UnknownNameError, match="crazyflie"):
         robots.load("drone")
 
@@ -147,11 +147,11 @@ def test_a_name_that_is_no_robot_is_told_with_the_known_ones() -> None:
         (("0.08]}", "0.08]}\ncamera: {file: none.yaml}"), "there is no calibration"),
     ],
 )
-def test_a_robot_that_cannot_be_is_told_in_one_sentence(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+def test_a_robot_that_cannot_be_is_refused_in_one_sentence(tmp_path: Path, change: tuple[str, str], said: str) -> None:
     assert change[0] in SCOUT
-    with pytest.raises(InvalidInputError, match=r"robot\.yaml") as told:
+    with pytest.raises(InvalidInputError, match=r"robot\.yaml") as raised:
         robots.load(written(tmp_path, SCOUT.replace(*change)))
-    assert said in str(told.value) and "\n" not in str(told.value)
+    assert said in str(raised.value) and "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("text", ["", "[1, 2]", "name: [", "\x00", "name: a\nname: b"])
@@ -160,7 +160,7 @@ def test_what_is_no_robot_file_is_refused(tmp_path: Path, text: str) -> None:
         robots.load(written(tmp_path, text))
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="there is no robot file"):
         robots.load(str(tmp_path / "none.yaml"))
 

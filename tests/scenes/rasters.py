@@ -6,7 +6,8 @@ import numpy as np
 import torch
 import trimesh
 
-from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.core.occupancy import EMPTY_RAW
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid

@@ -15,7 +15,8 @@ from nerfnav.robots.state import RigidState
 from nerfnav.world.collision import ground
 from nerfnav.world.contact import ContactConfig, contact_check
 from nerfnav.world.raycast import RayCaster
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 from tests.scenes.rasters import raster_field
 
 _ACROSS = math.pi / 2

@@ -1,4 +1,4 @@
-"""What developers are told who name a scene that there is not, or that has no field."""
+"""Errors for developers who name a scene that does not exist, or has no field."""
 
 import pytest
 
@@ -14,8 +14,8 @@ def test_a_wrong_name_is_refused_in_one_sentence(
     monkeypatch.setattr("sys.argv", ["scenes", name])
     with pytest.raises(SystemExit) as ended:
         for_named(command)  # type: ignore[arg-type]
-    told = capsys.readouterr().err
-    assert ended.value.code == 2 and says in told and told.count("\n") == 1
+    text = capsys.readouterr().err
+    assert ended.value.code == 2 and says in text and text.count("\n") == 1
 
 
 def test_without_a_name_it_is_done_for_all_that_have_a_field(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,9 +91,7 @@ def test_another_camera_is_read_where_it_is_asked_for(folder: Path) -> None:
         ("imu0/data.csv", ",0.1,0.2,4,0,0,9.81", ",0.1", "line 6 of .* has 2 columns, where 7 are needed"),
     ],
 )
-def test_bad_folders_are_told_in_one_sentence(
-    folder: Path, file: str, before: str, after: str, complaint: str
-) -> None:
+def test_bad_folders_are_told_in_one_sentence(folder: Path, file: str, before: str, after: str, complaint: str) -> None:
     path = folder / "mav0" / file
     assert before in path.read_text()
     path.write_text(path.read_text().replace(before, after, 1))

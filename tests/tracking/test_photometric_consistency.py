@@ -17,9 +17,9 @@ def step(residual: torch.Tensor, pixels: torch.Tensor = PIXELS) -> FilterStep:
 def test_what_is_unexplained_is_a_share_of_the_pictures_own_variance() -> None:
     halves = torch.zeros(10, 20, 3, dtype=torch.uint8)
     halves[:, 10:] = 102  # 0.2 to either side of the mean
-    told = PhotometricConsistency.of(step(torch.full((200,), 0.1)), halves)
-    assert told is not None
-    assert told.difference == pytest.approx(0.1) and told.unexplained == pytest.approx(0.25)
+    share = PhotometricConsistency.of(step(torch.full((200,), 0.1)), halves)
+    assert share is not None
+    assert share.difference == pytest.approx(0.1) and share.unexplained == pytest.approx(0.25)
 
 
 def test_where_nothing_was_compared_there_is_no_likeness() -> None:
@@ -34,7 +34,7 @@ def test_what_is_usual_is_what_the_last_pictures_were_and_no_more_than_was_told(
     for difference in (0.01, 0.02, 0.03, 0.04):
         usual.add(difference)
     assert usual.difference == pytest.approx(0.03)
-    usual.begin_anew(0.08)
+    usual.restart(0.08)
     assert usual.difference == pytest.approx(0.08)
     usual.add(0.02)
     assert usual.difference == pytest.approx(0.05)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.export.track import OPENCV, placed
+from nerfnav.export.track import OPENCV, pose_in_frame
 from nerfnav.field import load_field
 from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
@@ -37,7 +37,7 @@ def test_frames_between_those_that_a_field_learned_are_followed_and_their_covari
         picture = read_image(folder / entry["file_path"])
         tracked = tracker.observe(Frame(entry["time_s"], picture, entry["file_path"]))
         if tracked.status.updated:
-            found, covariance = placed(tracked, frame)
+            found, covariance = pose_in_frame(tracked, frame)
             true = torch.tensor(entry["transform_matrix"], dtype=torch.float64)
             moved = true[:3, 3] - found.position
             turned = so3.log(true[:3, :3] @ OPENCV.double() @ found.rotation.T)

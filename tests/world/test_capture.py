@@ -8,11 +8,13 @@ from scipy.spatial import KDTree
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.geometry.box import Box
 from nerfnav.world.capture import CaptureConfig, capture, capture_poses, images_taken, photograph, split
 from nerfnav.world.raycast import MeshRenderer
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid
+from tests.collected_steps import collect
 
 _CONFIG = CaptureConfig(images=30, width=24, height=16, supersample=1)
 
@@ -52,10 +54,7 @@ def test_every_photograph_shows_more_than_sky():
 
 def test_a_capture_ends_with_all_photographs_and_repeats_for_a_seed():
     scene = scenes.load("blocks")
-    first, second = (list(capture(scene, _CONFIG, _generator())) for _ in range(2))
-    captured, again = first[-1].captured, second[-1].captured
-    assert captured is not None and again is not None
-    assert all(step.captured is None for step in first[:-1])
+    (first, captured), (_, again) = (collect(capture(scene, _CONFIG, _generator())) for _ in range(2))
     assert captured.images.shape == (30, 16, 24, 3)
     assert torch.equal(captured.images, again.images)
     assert torch.equal(captured.images[3], first[3].picture.image)
@@ -64,8 +63,7 @@ def test_a_capture_ends_with_all_photographs_and_repeats_for_a_seed():
 
 
 def test_test_images_are_never_learnt_from():
-    captured = list(capture(scenes.load("blocks"), _CONFIG, _generator()))[-1].captured
-    assert captured is not None
+    captured = run_steps(capture(scenes.load("blocks"), _CONFIG, _generator()))
     train, test = split(captured, every=10)
     assert (len(train), len(test)) == (27, 3)
     apart = torch.cdist(test.poses.position, train.poses.position)

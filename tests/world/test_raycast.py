@@ -8,9 +8,8 @@ from trimesh.visual.texture import TextureVisuals
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, look_at
-from nerfnav.world.kernels.pictures import average, blend
-from nerfnav.world.raycast import MeshRenderer, RayCaster
-from nerfnav.world.surface import Paint, surface_color
+from nerfnav.world.raycast import MeshRenderer, RayCaster, average
+from nerfnav.world.surface import Paint, blend, surface_color
 
 _DOWN = look_at(torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.0, 0.0, 0.0]))
 _CAMERA = Camera.from_fov(40, 40, 90.0)

@@ -8,7 +8,8 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.world.raycast import MeshRenderer
-from nerfnav.world.scene import Task, moved_scene
+from nerfnav.world.scene import move_scene
+from nerfnav.world.task import Task
 from tests.field.moves import change
 from tests.importers.meshes.places import ABOVE, CAMERA, UP_Z, imported, two_textures, write
 
@@ -16,7 +17,7 @@ from tests.importers.meshes.places import ABOVE, CAMERA, UP_Z, imported, two_tex
 def test_a_moved_camera_sees_the_moved_mesh_as_it_was(tmp_path: Path) -> None:
     scene = imported(write(two_textures(), tmp_path / "place.glb"), UP_Z).scene
     similarity = change((0.3, -0.2, 0.5), scale=2.0, shift=0.7)
-    moved = moved_scene(scene, similarity, similarity.box(scene.box))
+    moved = move_scene(scene, similarity, similarity.box(scene.box))
     before = MeshRenderer(scene).render(CAMERA, ABOVE)
     now = MeshRenderer(moved).render(CAMERA, similarity.pose(ABOVE))
     differs = (before.image.int() - now.image.int()).abs().amax(-1) > 8
@@ -30,5 +31,5 @@ def test_scenes_with_tasks_stay_where_they_are(tmp_path: Path) -> None:
     scene = imported(write(two_textures(), tmp_path / "place.glb"), UP_Z).scene
     task = replace(scene, tasks=(Task("there", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),))
     with pytest.raises(InvalidInputError, match="tasks"):
-        moved_scene(task, change(scale=2.0), scene.box)
+        move_scene(task, change(scale=2.0), scene.box)
     assert torch.isfinite(scene.box.lower).all()

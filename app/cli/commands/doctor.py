@@ -3,7 +3,6 @@
 The check of the kernels compiles the renderer and compares it with the torch path.
 """
 
-
 import os
 import platform
 import shutil
@@ -19,11 +18,11 @@ from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.estimator.paper.retraction import retraction_backend
 from nerfnav.field import VoxelField, render_rays
 from nerfnav.geometry import Box
-from nerfnav_app.cli.terminal import show
+from nerfnav_app.cli.terminal import Output, show
 
 
 def check_kernels() -> dict[str, Any]:
-    """Look through a small field with the compiled renderer and with the torch path that it stands for."""
+    """Render a small field with the compiled renderer and with its torch path, and compare."""
     began = time.perf_counter()
     values = torch.linspace(-3, 0.5, 6**3 * 4).reshape(6, 6, 6, 4)
     field = VoxelField(Box.of((0, 0, 0), (1, 1, 1)), values, torch.ones(3))
@@ -44,11 +43,8 @@ _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "firefox
 
 
 @dataclass(frozen=True)
-class Arguments:
-    """Tell what this machine has: threads, GPU, kernels, browser, LieTorch."""
-
-    json: bool = False
-    """Print one JSON object and nothing else."""
+class Arguments(Output):
+    """Check this machine: threads, GPU, kernels, browser, LieTorch."""
 
 
 def run(arguments: Arguments) -> None:
@@ -57,7 +53,7 @@ def run(arguments: Arguments) -> None:
 
 
 def examine() -> dict[str, Any]:
-    """What was found, by name."""
+    """Collect the findings by name."""
     browsers = {name: path for name in _BROWSERS if (path := shutil.which(name))}
     return {
         "python": platform.python_version(),

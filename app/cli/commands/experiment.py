@@ -1,4 +1,4 @@
-"""nerfnav experiment: what the paper shows, shown again."""
+"""nerfnav experiment: reproduce the experiments of the paper, and run those of nerfnav."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,41 +9,39 @@ from tyro.conf import Positional, arg
 from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
 from nerfnav_app.cli.progress import run_and_print
-from nerfnav_app.cli.terminal import note
+from nerfnav_app.cli.terminal import Output, note
 from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentRequest
 from nerfnav_app.jobs.measure.experiment import run as run_job
 
 
 @dataclass(frozen=True)
-class Arguments:
-    """Run an experiment: many trials, judged on the ground truth, summed up in a table and figures."""
+class Arguments(Output):
+    """Run an experiment: many trials, judged on the ground truth, with a table and figures."""
 
-    name: Annotated[Positional[str], arg(help=f"Which experiment: {', '.join(EXPERIMENTS)}.")]
+    name: Annotated[Positional[str], arg(help=f"Name: {', '.join(EXPERIMENTS)}.")]
     trials: int | None = None
-    """How many trials; by default as many as the experiment needs."""
+    """Number of trials (default: by the experiment)."""
     jobs: int | None = None
-    """Trials at the same time; 1 by default."""
-    ray: str | None = None
-    """Address of a Ray cluster that does the trials (auto, local, ray://HOST:PORT)."""
+    """Trials at the same time (default: 1)."""
+    ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Ray cluster for the trials: auto, local, ray://HOST:PORT."""
     seed: int = 0
     """Seed of everything random."""
-    place: str | None = None
-    """Scene or field file to do it in; by default the experiment's own scene."""
+    place: Annotated[str | None, arg(metavar="NAME|FILE")] = None
+    """Scene or field file (default: the experiment's own scene)."""
     out: Path | None = None
-    """Folder for results.json, the table as CSV and the figures as PNG; the same command goes on where an experiment
-    in it was interrupted."""
+    """Folder for results.json, the table as CSV and the figures as PNG. The same command continues an experiment that
+    was interrupted."""
     ends: EndsChoice | None = None
-    """Of flights: between the ends of the place's tasks in turn, random ones, or both by turns (the default)."""
+    """Flights: start and goal of the tasks in turn, random ones, or both in turn (default: both)."""
     world: WorldName | None = None
-    """Of flights: the paper's noise (the default), or a physical world with motors, drag, wind and late pictures."""
+    """Flights: the paper's noise, or motors, drag, wind and late pictures (default: paper)."""
     risk: float | None = None
-    """Of flights: what a collision that noise brings about costs [J], as for `fly`; 0: plan as if nothing pushed."""
+    """Flights: cost of a collision by noise [J], as in `fly`; 0 plans without noise."""
     truth: bool = False
-    """Of flights: fly each a second time with the state known, which says what noise alone costs."""
-    robot: str | None = None
-    """Of flights: what moves, a name or a file as for `fly`; by default what the tasks are for."""
-    json: bool = False
-    """Print one JSON object and nothing else."""
+    """Flights: fly each a second time with the true state, to show what noise alone costs."""
+    robot: Annotated[str | None, arg(metavar="NAME|FILE")] = None
+    """Flights: the robot, as in `fly` (default: that of the tasks)."""
 
 
 def run(arguments: Arguments) -> None:
@@ -64,7 +62,7 @@ def run(arguments: Arguments) -> None:
 
 
 def _options(arguments: Arguments) -> FlightOptions | None:
-    """The options of whole flights; None where none was given."""
+    """Options of whole flights; None where none was given."""
     given = arguments.ends, arguments.world, arguments.risk, arguments.robot
     if all(option is None for option in given) and not arguments.truth:
         return None

@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+from tyro.conf import Suppress, arg
+
+from nerfnav.estimator import estimators
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
+from nerfnav_app.cli.arguments import Route, find_planner
 from nerfnav_app.cli.progress import run_and_print
-from nerfnav_app.cli.route_arguments import Route, planner_of
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.fly.fly import run as run_job
 from nerfnav_app.jobs.fly.request import FlyRequest
@@ -19,36 +22,37 @@ from nerfnav_app.storage.run_store import RunStore
 class Arguments(Route):
     """Fly with nothing but a simulated camera, replanning at every step; Ctrl-C lands and keeps what was flown."""
 
-    estimator: str = "fast"
-    """Which pose filter."""
+    estimator: Annotated[str, arg(help=f"Pose filter: {', '.join(estimators.names())}.")] = "fast"
     covariance: Literal["gauss-newton", "exact"] = "gauss-newton"
-    """How the fast filter tells how sure it is: from what its steps know anyway, or by the exact second derivatives
-    of the paper, which takes longer."""
+    """Covariance of the fast filter: by Gauss-Newton, or by the exact second derivatives of the paper, which takes
+    longer."""
     camera: Path | None = None
-    """What the robot sees with, calibrated by ROS, OpenCV, nerfstudio or COLMAP; by default the robot's own camera."""
+    """Calibration of the robot's camera by ROS, OpenCV, nerfstudio or COLMAP (default: the robot's own)."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
     world: WorldName = "paper"
-    """The paper's noise at each time step, or a physical world with motors, drag, wind and late pictures (quadrotors
-    alone), where --duration auto gives a flight time for wind."""
+    """World: the paper's noise at each time step, or motors, drag, wind and late pictures. The physical one is for
+    quadrotors alone; there --duration auto gives a flight time for wind."""
     realtime: bool = False
-    """Let the world go on while filter and planner compute: steps that take longer than dt are late, and counted."""
+    """Let the world go on while filter and planner compute: steps longer than dt are late, and counted."""
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
     out: Path | None = None
-    """Folder for the flight: run.json, steps.jsonl, pictures, and at the end episode.npz, episode.json,
-    trajectory.csv, trajectory.json; by default a new one in runs/ (or where NERFNAV_RUNS points)."""
+    """Folder for the flight (default: a new one in runs/, or in $NERFNAV_RUNS). It gets run.json, steps.jsonl,
+    pictures, and at the end episode.npz, episode.json, trajectory.csv and trajectory.json."""
 
 
 def arguments_for(words: Sequence[str]) -> type[Any]:
-    """The arguments with --config: how the flight is flown, and as --config.plan and --config.replan the settings of
-    the planner that the words ask for."""
-    entry = planner_of(words)
+    """Make the arguments with the settings of the flight, and as --plan and --replan those of the named planner."""
+    entry = find_planner(words)
     own = {"plan": entry.config(), "replan": entry.again(entry.config())}
     planning = [(name, type(settings), field(default=settings)) for name, settings in own.items()]
-    config = make_dataclass("Config", planning, bases=(NavigateConfig,), frozen=True)
+    # --open-loop is an option of the command itself: the setting keeps its old name, which help does not list
+    known = ("open_loop", Annotated[bool, arg(name="config.open-loop"), Suppress], field(default=False))
+    config = make_dataclass("Config", [*planning, known], bases=(NavigateConfig,), frozen=True)
     config.__doc__ = NavigateConfig.__doc__
-    chosen = make_dataclass("Arguments", [("config", config, field(default=config()))], bases=(Arguments,), frozen=True)
+    settings = ("config", Annotated[config, arg(name="")], field(default=config()))
+    chosen = make_dataclass("Arguments", [settings], bases=(Arguments,), frozen=True)
     chosen.__doc__ = Arguments.__doc__
     return chosen
 
@@ -61,7 +65,7 @@ def run(arguments: Any) -> None:
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
-    again = arguments.replanning(asked.plan, asked.replan)
+    again = arguments.replan_settings(asked.plan, asked.replan)
     route = replace(arguments.request(place, asked.plan), again=again)
     request = FlyRequest(
         route,

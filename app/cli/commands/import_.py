@@ -5,29 +5,28 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from nerfnav_app.cli.commands.train import PlacementArguments
+from nerfnav_app.cli.arguments import PlacementArguments
 from nerfnav_app.cli.progress import run_and_print
+from nerfnav_app.cli.terminal import Output
 from nerfnav_app.jobs.open.import_field import ImportRequest
 from nerfnav_app.jobs.open.import_field import run as run_job
 
 
 @dataclass(frozen=True)
-class Arguments:
+class Arguments(Output):
     """Make a field of a trained NeRF (nerf-pytorch) or of Gaussian splats (.ply, .splat, .spz, .sog, .ksplat)."""
 
     source: Positional[Path]
-    """A checkpoint, a folder with one, or splats: a file, or the folder of a SOG's meta.json."""
+    """Checkpoint, folder with one, or splats: a file, or the folder of a SOG's meta.json."""
     out: Path
     """File for the field; splats themselves are kept beside it."""
     keep_network: bool = False
-    """Keep a NeRF's networks, which take seconds for a picture; by default they become a voxel field, which is quick to
-    plan and fly in, and it is told how alike the two look."""
+    """Keep the networks of a NeRF, which take seconds for a picture. By default they become a voxel field, which is
+    quick to plan and fly in, and the PSNR between the two is printed."""
     voxel: float | None = None
-    """Size of the field's voxels [m]; by default what suits the size of the place."""
+    """Size of a voxel [m] (default: by the size of the place)."""
     placement: OmitArgPrefixes[PlacementArguments] = field(default_factory=PlacementArguments)
-    """How the source lies in the world."""
-    json: bool = False
-    """Print one JSON object and nothing else."""
+    """Placement of the source in the world; what is not given is guessed, and the guess is printed."""
 
 
 def run(arguments: Arguments) -> None:

@@ -3,7 +3,6 @@
 The geometry is its free-space accuracy, and its distance from a mesh where one is given.
 """
 
-
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from tyro.conf import Positional
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import (
     FreeSpaceAccuracy,
     GeometryReport,
@@ -25,17 +25,17 @@ from nerfnav.field import GridField, NeuralField, StoredField, load_field, rende
 from nerfnav.geometry import Camera, Pose, encode_image, look_at
 from nerfnav.importers import Placement, SceneConfig, import_mesh
 from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
-from nerfnav_app.cli.terminal import show
+from nerfnav_app.cli.terminal import Output, show
 from nerfnav_app.places.place import field_file, ground_truth
 from nerfnav_app.storage.output_files import prepare_file, write_bytes
 
 _WIDTH, _HEIGHT, _FOV_DEG = 480, 360, 70.0
 _STANDPOINT = (0.62, -0.68, 0.42)
-"""Where the picture is taken from: off the box's middle, in longest edges of it, high enough to see over things."""
+"""Eye of the picture: offset from the middle of the box, in longest edges of it, high enough to see over things."""
 
 
 def write_picture(field: StoredField, out: Path) -> Path:
-    """What the field looks like from above one of its corners."""
+    """Write a picture of the field from above one of its corners."""
     path = prepare_file(out)
     eye = field.box.center + torch.tensor(_STANDPOINT) * field.box.size.max()
     aim = field.box.center - 0.15 * field.box.size * torch.tensor([0.0, 0.0, 1.0])
@@ -43,31 +43,31 @@ def write_picture(field: StoredField, out: Path) -> Path:
     return write_bytes(path, encode_image(seen.image.numpy()))
 
 
-def grain(field: StoredField) -> dict[str, Any]:
-    """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
+def describe_resolution(field: StoredField) -> dict[str, Any]:
+    """Describe the resolution: nodes and their distance, or the shape of the networks and the distance of samples."""
     if isinstance(field, GridField):
-        return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
+        return {"resolution": list(field.shape), "voxel_m": field.resolution}
     if isinstance(field, NeuralField):
         shape = field.fine.config
-        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
-    return {"voxel_m": field.step}
+        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.resolution}
+    return {"voxel_m": field.resolution}
 
 
 def free_space_accuracy_of(field: StoredField, path: Path) -> FreeSpaceAccuracy:
-    """What planners take for free: as it was measured when the field was made, else as far as it can be now."""
-    info, voxel = field.info, grain(field)["voxel_m"]
+    """Free-space accuracy: as measured when the field was made, else as far as it can be measured now."""
+    info, voxel = field.info, describe_resolution(field)["voxel_m"]
     if info.unproven_share is not None:
         return FreeSpaceAccuracy(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, voxel)
     truth = ground_truth(field, path)
     if truth is None:
         return measure_unproven_share(field, voxel)
     scene = truth.load()
-    return measure_free_space_on_mesh(field, voxel, scene, _seen_from(field, scene))
+    return measure_free_space_on_mesh(field, voxel, scene, *_seen_from(field, scene))
 
 
 def geometry_of(field: StoredField, scene: Scene) -> GeometryReport:
-    """The field against the mesh, seen from where the photographs that it was trained from were taken."""
-    return measure_geometry(field, grain(field)["voxel_m"], scene, _seen_from(field, scene))
+    """Compare the field with the mesh, from the poses of its training photographs."""
+    return measure_geometry(field, describe_resolution(field)["voxel_m"], scene, *_seen_from(field, scene))
 
 
 def _seen_from(field: StoredField, scene: Scene) -> tuple[Camera, Pose]:
@@ -75,7 +75,7 @@ def _seen_from(field: StoredField, scene: Scene) -> tuple[Camera, Pose]:
     learned = field.info.images
     config = CaptureConfig(images=images_taken(learned) if learned else CaptureConfig.images)
     imported = scene.paint is not None  # a place of any size
-    config = config.clear_of(grain(field)["voxel_m"]) if imported else config.suiting(scene)
+    config = config.clear_of(describe_resolution(field)["voxel_m"]) if imported else config.suiting(scene)
     poses = capture_poses(scene, config, torch.Generator().manual_seed(field.info.seed))
     return Camera.from_fov(config.width, config.height, config.horizontal_fov_deg), poses
 
@@ -90,9 +90,7 @@ def truth_of(what: str, field: StoredField, path: Path) -> Scene:
     if own is not None and (scene := own.load()).name == Path(what).name:
         return scene
     box = (_corner(field.box.lower), _corner(field.box.upper))
-    *_, last = import_mesh(Path(what), SceneConfig(Placement(box=box)))
-    assert last.imported is not None  # the last step carries the scene
-    return last.imported.scene
+    return run_steps(import_mesh(Path(what), SceneConfig(Placement(box=box)))).scene
 
 
 def _corner(point: torch.Tensor) -> tuple[float, float, float]:
@@ -105,18 +103,15 @@ def _known() -> str:
 
 
 @dataclass(frozen=True)
-class Arguments:
-    """Tell what a field file holds."""
+class Arguments(Output):
+    """Print what a field file holds."""
 
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
     mesh: str | None = None
-    """Name of a bundled scene, or path of a mesh (the one it was trained from, or one in its frame), to judge its shape
-    by."""
+    """Ground truth to compare its shape with: a bundled scene, or a mesh file in its frame."""
     png: Path | None = None
     """File for a small picture of the field."""
-    json: bool = False
-    """Print one JSON object and nothing else."""
 
 
 def run(arguments: Arguments) -> None:
@@ -126,17 +121,17 @@ def run(arguments: Arguments) -> None:
     field = load_field(path)
     summary = {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
-        **grain(field),
+        **describe_resolution(field),
         **asdict(field.info),
         "file_bytes": path.stat().st_size,
     }
     for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
-        del summary[name]  # told together, below
-    freedom = free_space_accuracy_of(field, path)
-    summary["geometry"] = asdict(freedom)
+        del summary[name]  # printed together, below
+    accuracy = free_space_accuracy_of(field, path)
+    summary["geometry"] = asdict(accuracy)
     if arguments.mesh is not None:
         summary["geometry"] |= asdict(geometry_of(field, truth_of(arguments.mesh, field, path)))
-    summary["in_words"] = describe_free_space_accuracy(freedom)
+    summary["in_words"] = describe_free_space_accuracy(accuracy)
     if arguments.png is not None:
         summary["png"] = str(write_picture(field, arguments.png))
     show(str(path), summary, arguments.json)

@@ -1,4 +1,4 @@
-"""nerfnav live: a door for real robots."""
+"""nerfnav live: localization and setpoints for a real robot, at a local socket."""
 
 import asyncio
 import contextlib
@@ -8,8 +8,9 @@ import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from nerfnav.geometry import read_camera
 from nerfnav.live import Navigator
@@ -22,26 +23,26 @@ from nerfnav_app.security.address import check_address, check_token
 
 @dataclass(frozen=True)
 class Arguments:
-    """Take pictures of a vehicle's camera at a local socket; answer where it is, and what to do to reach its goal."""
+    """Take pictures of a vehicle's camera at a local socket; answer with its pose and next setpoints."""
 
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
-    robot: str = "quadrotor"
-    """What moves: a name, or a file that describes it (see README)."""
+    robot: Annotated[str, arg(metavar="NAME|FILE")] = "quadrotor"
+    """Robot: a name, or a file that describes it."""
     camera: Path | None = None
-    """What it sees with, calibrated by ROS, OpenCV, nerfstudio or COLMAP; by default the robot's own camera."""
-    host: str = "127.0.0.1"
-    """Address to listen at; the default is reached from this machine alone."""
+    """Calibration of its camera by ROS, OpenCV, nerfstudio or COLMAP (default: the robot's own)."""
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    """Address to listen at; the default is for this machine alone."""
     port: int = 8090
     """Port to listen at."""
-    token: str | None = None
-    """Secret that the vehicle must bring, as in ws://HOST:PORT/?token=T; by default a new one, which is told."""
+    token: Annotated[str | None, arg(metavar="SECRET")] = None
+    """Secret of the vehicle, as in ws://HOST:PORT/?token=SECRET (default: a new one, which is printed)."""
     json: bool = False
     """Print one JSON object with the address."""
 
 
 def run(arguments: Arguments) -> None:
-    """Open the place, make what takes long, tell the address, serve until Ctrl-C."""
+    """Open the place, prepare what takes long, print the address, serve until Ctrl-C."""
     check_address(arguments.host, arguments.port)
     check_token(arguments.host, arguments.token)
     token = arguments.token or secrets.token_urlsafe(16)
@@ -54,8 +55,8 @@ def run(arguments: Arguments) -> None:
     address = f"ws://{arguments.host}:{arguments.port}/?token={token}"
 
     def ready() -> None:
-        told = f"nerfnav guides a {place.robot.name} in {place.name} at {address} (Ctrl-C ends it)"
-        sys.stdout.write((json.dumps({"address": address, "field": place.name}) if arguments.json else told) + "\n")
+        text = f"nerfnav guides a {place.robot.name} in {place.name} at {address} (Ctrl-C ends it)"
+        sys.stdout.write((json.dumps({"address": address, "field": place.name}) if arguments.json else text) + "\n")
         sys.stdout.flush()
 
     with contextlib.suppress(ValueError):  # in tests this is not the main thread, which alone hears signals

@@ -1,4 +1,4 @@
-"""nerfnav place: put a field right by hand, without training again."""
+"""nerfnav place: georeference a field by hand, without training again."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,9 +7,9 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from nerfnav.importers import AlignmentRequest
-from nerfnav_app.cli.commands.train import Corners, Up, vector
-from nerfnav_app.cli.number_arguments import numbers_argument
+from nerfnav_app.cli.arguments import Corners, Up, measured_distance, numbers_argument, vector
 from nerfnav_app.cli.progress import run_and_print
+from nerfnav_app.cli.terminal import Output
 from nerfnav_app.jobs.field.georeference import PlaceRequest
 from nerfnav_app.jobs.field.georeference import run as run_job
 
@@ -18,38 +18,36 @@ Floor = Annotated[tuple[float, ...] | None, numbers_argument("floor", "X Y Z X Y
 
 
 @dataclass(frozen=True)
-class Arguments:
-    """Say how long a metre is, where the floor is and what is wanted of a field; it is not trained again.
+class Arguments(Output):
+    """Set the scale and the floor of a field, and crop it, without training it again.
 
-    Points are in the field's own coordinates, as it is; numbers may be separated by commas. The floor comes to z = 0.
-    What was guessed, and what has changed, is printed.
+    Points are in the present coordinates of the field; numbers may be separated by commas. The floor comes to z = 0.
+    Guesses and changes are printed.
     """
 
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
     out: Path
-    """File for the field; splats and ground truth are kept beside it. Not the field itself."""
+    """File for the new field, another one than FIELD. Splats and ground truth are kept beside it."""
     measure: Measured = None
-    """Two points, and how far they are apart in truth [m]."""
+    """Two points, and their true distance [m]."""
     scale: float | None = None
-    """How many metres a metre of before is, in place of a measured distance."""
+    """Factor of all lengths, in place of --measure."""
     floor: Floor = None
     """Three points on the floor."""
     find_floor: bool = False
-    """Look for the floor: the plane that most lies on, with next to nothing below."""
+    """Find the floor: the plane with most points on it and almost none below."""
     up: Up = None
-    """A direction that is up, X Y Z or the name of an axis; with a floor, it says on which side of that."""
+    """Up direction: X Y Z, or the name of an axis. With a floor, the side of the floor that is up."""
     box: Corners = None
-    """Lowest and highest corner of what is kept [m], after scale and floor."""
-    json: bool = False
-    """Print one JSON object and nothing else."""
+    """Lowest and highest corner of the box to keep [m], after scale and floor."""
 
 
 def run(arguments: Arguments) -> None:
-    """Put the field right, store it, and print what has changed."""
+    """Georeference the field, store it, and print what has changed."""
     measured, floor, box = arguments.measure, arguments.floor, arguments.box
     correction = AlignmentRequest(
-        measured=None if measured is None else (vector(measured[:3]), vector(measured[3:6]), measured[6]),
+        measured=None if measured is None else measured_distance(measured),
         scale=arguments.scale,
         floor=None if floor is None else (vector(floor[:3]), vector(floor[3:6]), vector(floor[6:])),
         find_floor=arguments.find_floor,

@@ -3,39 +3,41 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from tyro.conf import arg
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.planner import PlannerConfig, PlanOutcome
+from nerfnav_app.cli.arguments import Route, find_planner
 from nerfnav_app.cli.progress import run_and_print
-from nerfnav_app.cli.route_arguments import Route, planner_of
 from nerfnav_app.jobs.plan.plan import run as run_job
 
-UNTRUE = (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH)
-"""Outcomes of plans that look good and are not."""
+UNSAFE = (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH)
+"""Outcomes of plans that are not safe, although the planner has converged."""
 
 
 class UnsafePlanError(NerfnavError):
-    """A plan that would hurt the robot."""
+    """Error: the plan is likely to collide, or touches the mesh."""
 
 
 @dataclass(frozen=True)
 class Arguments(Route):
     """Plan a trajectory through a field, and judge it on the ground truth where there is one."""
 
-    duration: float | Literal["auto"] | None = None
-    """How long the robot takes [s], in place of --steps; auto: the shortest time that keeps its limits (of long ways,
-    within a half). By default 2 s for the tasks of a scene, elsewhere auto."""
+    duration: Annotated[float | Literal["auto"] | None, arg(metavar="FLOAT|auto")] = None
+    """Duration [s], in place of --steps; auto: the shortest that keeps the robot's limits (default: 2 for tasks,
+    else auto). Of long paths, auto finds it within a half."""
     max_collision: float | None = None
-    """Refine the plan until the bound on its probability of a collision is at most this."""
+    """Largest bound on the probability of a collision: the plan is refined until it keeps it."""
     out: Path | None = None
     """Folder for trajectory.csv, trajectory.json and plan.json."""
 
 
 def arguments_for(words: Sequence[str]) -> type[Any]:
-    """The arguments with the settings of the planner that the words ask for, as --config."""
-    own = planner_of(words).config()
-    settings = ("config", type(own), field(default=own))
+    """Make the arguments with the settings of the planner that the words name."""
+    own = find_planner(words).config()
+    settings = ("config", Annotated[type(own), arg(name="")], field(default=own))
     chosen = make_dataclass("Arguments", [settings], bases=(Arguments,), frozen=True)
     chosen.__doc__ = Arguments.__doc__
     return chosen
@@ -55,6 +57,6 @@ def run(arguments: Any) -> None:
     if isinstance(arguments.duration, float):
         request = request.lasting(arguments.duration)
     summary = run_and_print(f"plan in {place.name}", run_job(request, place), arguments.json).summary
-    untrue = next((outcome for outcome in UNTRUE if outcome.name.lower() == summary["outcome"]), None)
-    if untrue is not None:
-        raise UnsafePlanError(f"this plan is not safe to fly: {untrue.value}")
+    unsafe = next((outcome for outcome in UNSAFE if outcome.name.lower() == summary["outcome"]), None)
+    if unsafe is not None:
+        raise UnsafePlanError(f"this plan is not safe to fly: {unsafe.value}")

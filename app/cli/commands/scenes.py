@@ -1,4 +1,4 @@
-"""nerfnav scenes: what can be opened by name."""
+"""nerfnav scenes: list the bundled scenes and their tasks."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,12 @@ from rich.table import Table
 
 import nerfnav_scenes as scenes
 from nerfnav.world import Scene, Task
-from nerfnav_app.cli.terminal import show
+from nerfnav_app.cli.terminal import Output, show
 
 
 @dataclass(frozen=True)
-class Arguments:
+class Arguments(Output):
     """List the bundled scenes and their tasks."""
-
-    json: bool = False
-    """Print one JSON object and nothing else."""
 
 
 def run(arguments: Arguments) -> None:

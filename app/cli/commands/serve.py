@@ -5,7 +5,6 @@ nothing slow is imported here at the top. The place is checked and shown from wh
 the app is brought to the page that is already up.
 """
 
-
 import contextlib
 import importlib.util
 import json
@@ -16,8 +15,9 @@ import threading
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
 from nerfnav_app.page.splash import show_splash
@@ -28,18 +28,18 @@ from nerfnav_app.system import importing
 
 
 def shown_before(place: str) -> bytes | None:
-    """The surface of a field that this machine has shown before."""
+    """Read the surface of a field that this machine has shown before."""
     file = _bundled(place) if comes_along(place) else Path(place)
     return (kept_surface(file) or None) if file.is_file() else None
 
 
 def comes_along(place: str) -> bool:
-    """Whether it is a bundled scene with its field."""
+    """Check for a bundled scene with its field."""
     return place.isidentifier() and _bundled(place).is_file()
 
 
 def _bundled(scene: str) -> Path:
-    """Where the field of a bundled scene would be, found without importing what knows scenes."""
+    """Path of the field of a bundled scene, without importing the scenes."""
     spec = importlib.util.find_spec("nerfnav_scenes")
     assert spec is not None and spec.origin is not None, "scenes are a part of nerfnav"
     return Path(spec.origin).parent / "trained" / f"{scene}.npz"
@@ -57,7 +57,7 @@ def check(place: str) -> None:
 
 
 _SWITCH_S = 0.001
-"""How long the worker may keep the interpreter when the page wants it; a click needs it several times."""
+"""Longest time that the worker keeps the interpreter from the page; a click needs it several times."""
 
 
 def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSurfaceLayer) -> None:
@@ -89,14 +89,14 @@ class Arguments:
     """Open a scene or a field in the browser, until Ctrl-C."""
 
     place: Positional[str] = "stonehenge"
-    """Name of a bundled scene, or path of anything that can be opened: a field, a mesh, a capture, splats, a video, a
-    trained NeRF. A field is made of it first, beside it, where it is none."""
-    host: str = "127.0.0.1"
-    """Address to listen at; the default is reached from this machine alone."""
+    """Bundled scene, or path of a field, mesh, capture, video, trained NeRF or splats. All but fields become a field
+    first, beside the file."""
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    """Address to listen at; the default is for this machine alone."""
     port: int = 8080
     """Port to listen at."""
-    token: str | None = None
-    """Secret that visitors must bring, as in http://HOST:PORT/?token=T."""
+    token: Annotated[str | None, arg(metavar="SECRET")] = None
+    """Secret of the visitors, as in http://HOST:PORT/?token=SECRET."""
     open: bool = False
     """Open the page in this machine's browser."""
     json: bool = False
@@ -104,9 +104,9 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> None:
-    """Check what can be checked at once, serve, tell the address."""
+    """Check what can be checked at once, serve, print the address."""
     if not comes_along(arguments.place):
-        check(arguments.place)  # the app would open it later, on a page that nobody may look at
+        check(arguments.place)  # the app would open it later, on a page that may have no visitor
     with contextlib.suppress(ValueError):  # in tests this is not the main thread, which alone hears signals
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
     stdout, interrupted = sys.stdout, False
@@ -115,8 +115,8 @@ def run(arguments: Arguments) -> None:
         try:
             surface = show_splash(server, shown_before(arguments.place))
             url = page_url(arguments.host, arguments.port, arguments.token)
-            told = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
-            stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else told) + "\n")
+            text = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
+            stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else text) + "\n")
             stdout.flush()
             if arguments.open:
                 webbrowser.open(url)

@@ -1,4 +1,4 @@
-"""nerfnav track: where a camera was while it took pictures."""
+"""nerfnav track: track a camera through a field."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +7,9 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from nerfnav.tracking import SourceOptions
-from nerfnav_app.cli.number_arguments import numbers_argument
+from nerfnav_app.cli.arguments import numbers_argument
 from nerfnav_app.cli.progress import run_and_print
+from nerfnav_app.cli.terminal import Output
 from nerfnav_app.jobs.track.camera import GivenCamera
 from nerfnav_app.jobs.track.camera_run import CameraRun
 from nerfnav_app.jobs.track.imu import GivenImu
@@ -19,39 +20,37 @@ Mount = Annotated[tuple[float, ...] | None, numbers_argument("imu-mount", "X Y Z
 
 
 @dataclass(frozen=True)
-class Arguments:
-    """Track a camera through a field, knowing nothing at first: a trajectory, covariances, an overlay video, MCAP."""
+class Arguments(Output):
+    """Track a camera through a field, from an unknown pose: trajectory, covariances, overlay video, MCAP."""
 
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
     source: Positional[Path]
-    """A video; an MCAP file or rosbag2; an EuRoC folder; or a folder of pictures with times: rgb.txt (TUM), names that
-    are times in s or ns, a capture."""
+    """Video, MCAP file, rosbag2, EuRoC folder, or folder of pictures with times. A folder has rgb.txt (TUM), file names
+    that are times in s or ns, or is a capture."""
     out: Path
     """Folder for trajectory.tum, poses.csv, overlay.mp4 and track.mcap."""
     camera: Path | None = None
-    """Calibration of the camera by ROS, OpenCV, nerfstudio or COLMAP; by default what the source says, else the camera
-    that the field was trained with, else 90 degrees."""
+    """Calibration of the camera by ROS, OpenCV, nerfstudio or COLMAP (default: that of the source, else the field's own
+    camera, else 90 degrees)."""
     fov: float | None = None
     """Horizontal field of view of the camera [degrees], in place of --camera."""
     fps: float | None = None
-    """Pictures in a second, for sources that tell no times."""
+    """Pictures in a second, for sources without times."""
     topic: str | None = None
-    """Name of the pictures that are meant, where a recording has several: a topic, or cam1 of an EuRoC folder."""
+    """Topic of the pictures, where a recording has several; or cam1 of an EuRoC folder."""
     imu: bool = False
-    """Let the source's inertial measurements (sensor_msgs/Imu, imu0) lead from picture to picture, in a field in
-    metres whose z axis is up: quick turns are followed at few pictures in a second."""
+    """Predict from picture to picture by the inertial measurements of the source (sensor_msgs/Imu, imu0). It follows
+    quick turns at few pictures in a second. The field must be in metres, with its z axis up."""
     imu_mount: Mount = None
-    """How the camera is mounted on the unit, where the source does not say: x y z [m] qx qy qz qw of T_imu_camera, the
-    camera x right, y down, z ahead. Means --imu."""
+    """Pose T_imu_camera of the camera on the unit [m], if the source does not give it. The camera is x right, y down, z
+    ahead. Implies --imu."""
     pictures: bool = True
     """Write overlay.mp4 and track.mcap, too (the latter needs the extra [ros])."""
-    json: bool = False
-    """Print one JSON object and nothing else."""
 
 
 def run(arguments: Arguments) -> None:
-    """Track, and print what became of the frames."""
+    """Track, and print the status of the frames."""
     camera = CameraRun(
         arguments.source,
         GivenCamera(arguments.camera, fov_deg=arguments.fov),

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.export import FORMATS, Recording
@@ -16,18 +19,18 @@ from nerfnav_app.storage.run_store import RunStore
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """What to export."""
+    """Request of an export: run, format and file. The command line reads it as it is."""
 
-    run: Path
-    """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or the name of a stored run."""
+    run: Positional[Path]
+    """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or name of a flight in runs/."""
     format: str
-    """Name of the format."""
+    """Name of the format, one of those above."""
     out: Path
-    """The file to write."""
+    """File to write."""
     force: bool = False
-    """Whether to write also what should not be flown."""
-    datum: tuple[float, float, float] | None = None
-    """Where on Earth the world's origin is: latitude, longitude [deg], height [m]."""
+    """Write also what is not safe to fly, such as a plan beyond the robot's limits."""
+    datum: Annotated[tuple[float, float, float] | None, arg(metavar="LAT LON HEIGHT")] = None
+    """Latitude and longitude [deg] and height [m] of the origin, for formats in degrees."""
 
 
 def run(request: ExportRequest) -> JobEvents:
@@ -57,7 +60,7 @@ def run(request: ExportRequest) -> JobEvents:
 
 
 def download(made: Recording, format: str, name: str, force: bool) -> JobEvents:
-    """Make the file, which is told and not written. Raises as `run` does."""
+    """Yield the file instead of writing it. Raises as `run` does."""
     yield Progress("judging what the vehicle is to fly", 0.3)
     exported = FORMATS[format].exported(made, force)
     yield FileMade(name, exported.content)
@@ -65,13 +68,13 @@ def download(made: Recording, format: str, name: str, force: bool) -> JobEvents:
 
 
 def _folder(run: Path) -> Path:
-    """The folder that is meant: as it is written, else the stored run of that name."""
+    """Folder of the run: the path, else the stored run of that name."""
     stored = RunStore().folder / run.name
     return stored if not run.exists() and len(run.parts) == 1 and stored.is_dir() else run
 
 
 def _surface(folder: Path) -> bytes | None:
-    """What stands for the place of a flight; None where the place is gone, which the export's numbers tell."""
+    """Surface of the place of a flight; None where the place is gone, which the numbers of the export say."""
     try:
         return build_surface(open_place(RunMetadata.load(folder).source)) or None
     except NerfnavError:

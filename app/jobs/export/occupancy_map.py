@@ -17,14 +17,14 @@ from nerfnav_app.storage.output_files import prepare_file, write_bytes
 
 @dataclass(frozen=True)
 class MapRequest:
-    """Which map is asked for."""
+    """Request of a map: file, height and voxel. The command line reads it as it is."""
 
     out: Path
-    """The file to write; its ending says what kind of map."""
+    """File to write: .npz, .glb, .pgm or .yaml."""
     height: float | None = None
-    """Height of the layer that a map of ROS shows [m]; None: the middle of the place."""
+    """Height of the layer of a ROS map [m] (default: the middle of the place)."""
     voxel: float | None = None
-    """Edge of a voxel [m]; None: the field's own."""
+    """Size of a voxel [m] (default: that of the field)."""
 
     def __post_init__(self) -> None:
         """Raise NerfnavError for an unknown ending and for numbers that no map can have."""
@@ -44,7 +44,7 @@ def run(field: StoredField, request: MapRequest) -> JobEvents:
 
 
 def download(field: StoredField, request: MapRequest) -> JobEvents:
-    """Make the map as one file that is told, not written: a zip where it consists of several. Raises as `run` does."""
+    """Yield the map as one file instead of writing it: a zip where it has several files. Raises as `run` does."""
     grid, contents = yield from _made(field, request)
     (name, content), *others = contents.items()
     if others:

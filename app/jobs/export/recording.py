@@ -14,11 +14,11 @@ from nerfnav_app.storage.step_codec import FILE
 from nerfnav_app.storage.step_log import read_steps
 
 TRAJECTORY = "trajectory.json"
-"""What the folder of a plan holds."""
+"""File in the folder of a plan."""
 
 
 def read_run(folder: Path) -> Recording:
-    """The flight or plan in a folder; of a flight that was interrupted, what was flown."""
+    """Read the flight or plan in a folder; of a flight that was interrupted, the steps so far."""
     if (folder / FILE).is_file():
         about = RunMetadata.load(folder)
         return Recording.of_flight(read_steps(folder), robots.load(about.robot), title_of(about))
@@ -26,7 +26,7 @@ def read_run(folder: Path) -> Recording:
     try:
         table = table_of_json(path.read_text())
         name = str(table.info.get("robot_file") or table.info.get("robot", ""))
-        if not robots.known(name):
+        if not robots.is_known(name):
             return Recording(table)
         robot = robots.load(name)
         return Recording(table, extents=robot.body.extents, robot=robot)
@@ -48,8 +48,8 @@ def with_field(folder: Path, recording: Recording) -> StoredField | None:
         about = RunMetadata.load(folder)
         source, unknown = about.source, about.unknown
     else:
-        told = recording.table.info
-        source, unknown = str(told.get("place") or ""), str(told.get("unknown", ""))
+        info = recording.table.info
+        source, unknown = str(info.get("place") or ""), str(info.get("unknown", ""))
     if not source or unknown not in (known.value for known in UnknownSpace):
         return None
     with suppress(NerfnavError):
@@ -58,5 +58,5 @@ def with_field(folder: Path, recording: Recording) -> StoredField | None:
 
 
 def title_of(about: RunMetadata) -> str:
-    """A flight in a few words."""
+    """Title of a flight: its place and its task."""
     return f"{about.place}, {about.task}" if about.task else about.place

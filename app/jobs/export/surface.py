@@ -25,7 +25,7 @@ _SPECK = 400
 
 
 def build_surface(place: Place) -> bytes:
-    """What stands for the field in viewers, as unlit binary glTF with a texture; shaped once on this machine for each.
+    """Surface of the field for viewers, as unlit binary glTF with a texture; made once for each field on this machine.
 
     Empty where the field has nothing dense, such as one that was hardly trained.
     """
@@ -49,7 +49,7 @@ def shape_surface(place: Place) -> Generator[None, None, bytes]:
 
 
 def build_first_surface(place: Place) -> tuple[bytes, bool]:
-    """What can be shown of the field at once, and whether that is only rough: its colours, without a texture."""
+    """Surface of the field that is ready at once, and whether it is rough: with colours, without a texture."""
     file = _file(place)
     if file is not None and (kept := kept_surface(file)) is not None:
         return kept, False
@@ -77,6 +77,6 @@ def _file(place: Place) -> Path | None:
 
 
 def _voxel(place: Place) -> float:
-    """How fine the field is [m]."""
+    """Resolution of the field [m]."""
     field = place.field
     return field.spacing.mean().item() if isinstance(field, GridField) else field.step

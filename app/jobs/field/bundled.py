@@ -19,12 +19,12 @@ LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 60, 420
 """Photographs that show a place from everywhere."""
 WITHOUT_DEPTH = 3
-"""How many are taken for each one that would do with depth: only colours that contradict each other prove space to be
-free then, and half a dozen looks past a node seldom do."""
+"""Photographs for each one that is enough with depth: without it, only colours that contradict each other prove space
+to be free, and half a dozen views past a node seldom do."""
 
 
 def render_views(source: str) -> bool:
-    """Whether a source is one of the bundled scenes."""
+    """Check for the name of a bundled scene."""
     return source in scenes.names()
 
 
@@ -46,7 +46,7 @@ def gather(request: TrainRequest) -> Gathering:
     coarser = max(1.0, (scene.voxel or TrainConfig.voxel) / FINE_VOXEL)
     volume = scene.box.size.prod().item() / coarser**3
     rooms = coarser > 1  # places under the sky are seen through from all around, and proven by few pictures
-    count = request.photographs.count or images_for(volume, with_depth=bool(request.depth) or not rooms)
+    count = request.photographs.images or images_for(volume, with_depth=bool(request.depth) or not rooms)
     config = replace(request.capture.suiting(scene), images=count)
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs if request.depth else photographs.without_depth())
@@ -57,24 +57,25 @@ def gather(request: TrainRequest) -> Gathering:
 
 
 def images_for(volume: float, with_depth: bool = True) -> int:
-    """How many photographs show a box of `volume` [m^3], with or without depth that says what is free."""
-    told = min(MOST_IMAGES, max(LEAST_IMAGES, round(IMAGES_PER_CUBIC_METER * volume)))
-    return told if with_depth else WITHOUT_DEPTH * told
+    """Number of photographs for a box of `volume` [m^3], with or without depth that says what is free."""
+    count = min(MOST_IMAGES, max(LEAST_IMAGES, round(IMAGES_PER_CUBIC_METER * volume)))
+    return count if with_depth else WITHOUT_DEPTH * count
 
 
 def iterations_for(volume: float) -> int:
-    """How many training steps a box of `volume` [m^3] asks for."""
+    """Number of training steps for a box of `volume` [m^3]."""
     return max(LEAST_ITERATIONS, round(ITERATIONS_PER_CUBIC_METER * volume))
 
 
 def photograph(
     scene: Scene, config: CaptureConfig, generator: torch.Generator
 ) -> Generator[JobEvent, bool | None, PosedImages]:
-    """Take pictures of a scene's mesh and return them. Raises StoppedError where it is told to stop."""
-    for step in capture(scene, config, generator):
-        stop = yield Progress("photographing", (step.index + 1) / step.total)
-        if stop:
+    """Take pictures of a scene's mesh and return them. Raises StoppedError where it is stopped."""
+    steps = capture(scene, config, generator)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value
+        if (yield Progress("photographing", (step.index + 1) / step.total)):
             raise StoppedError("stopped while photographing: nothing was learned yet, so nothing is saved")
-        if step.captured is not None:
-            return step.captured
-    raise AssertionError("a capture ends with its photographs")

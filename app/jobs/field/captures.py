@@ -1,20 +1,23 @@
 """Training data from a capture: a folder, a transforms.json, a .zip or .r3d of either, or a video."""
 
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers import ImportConfig, ImportedCapture, import_capture, make_capture_of_video
-from nerfnav.importers.core.kinds import VIDEOS
-from nerfnav_app.jobs.events import Progress
+from nerfnav.importers import CaptureError, ImportConfig, ImportedCapture, import_capture, make_capture_of_video
+from nerfnav.importers.captures.archive import unpack_capture
+from nerfnav.importers.core.kinds import ARCHIVES, VIDEOS
 from nerfnav_app.jobs.field.request import TrainRequest
-from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
-from nerfnav_app.jobs.field.unpacking import capture_unpacked
+from nerfnav_app.jobs.field.training_data import Gathering, TrainingData, relay_import
 
 ITERATIONS = 2000
-"""Training steps that photographs ask for where nobody gave a number."""
+"""Training steps that photographs ask for by default."""
 NODES = 2_000_000
-"""Nodes of the field of a capture, where nobody gave the size of a voxel: fifty photographs do not tell more apart, and
+"""Nodes of the field of a capture, by default: fifty photographs do not tell more apart, and
 finer fields learn their noise (the fox: 22.5 dB with 6 million, 23.2 dB with 2)."""
 
 CUT_OUT_ITERATIONS = 6000
@@ -32,26 +35,19 @@ def gather(request: TrainRequest) -> Gathering:
     has no use for.
     """
     request.require_unset(
-        "a capture", images=request.photographs.count, units=request.mesh.units, seen_from=request.mesh.seen_from
+        "a capture", images=request.photographs.images, units=request.mesh.units, seen_from=request.mesh.seen_from
     )
-    with capture_unpacked(Path(request.source)) as (source, within):
+    with _unpack_capture(Path(request.source)) as (source, within):
         if (video := Path(request.source)).suffix.lower() in VIDEOS:
-            for posing in make_capture_of_video(video, source):
-                if (yield Progress(posing.doing, posing.fraction)):
-                    raise StoppedError("stopped while posing the video: nothing was learned yet, so nothing is saved")
+            yield from relay_import(make_capture_of_video(video, source), "posing the video")
         photographs = request.photographs
         config = ImportConfig(
             request.placement, photographs.downscale, photographs.held_out_every, request.depth is not False, within
         )
-        for step in import_capture(source, config):
-            stop = yield Progress("reading photographs", step.fraction)
-            if step.capture is not None:
-                if request.depth and not step.capture.report.images_with_depth:
-                    raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
-                return _material(step.capture, request.budget)
-            if stop:
-                raise StoppedError("stopped while reading photographs: nothing was learned yet, so nothing is saved")
-    raise AssertionError("an import ends with its capture")
+        capture = yield from relay_import(import_capture(source, config), "reading photographs")
+        if request.depth and not capture.report.images_with_depth:
+            raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
+        return _material(capture, request.budget)
 
 
 def _material(capture: ImportedCapture, budget: float | None) -> TrainingData:
@@ -74,3 +70,21 @@ def _material(capture: ImportedCapture, budget: float | None) -> TrainingData:
 
 def _cut_out_nodes(budget: float | None) -> float:
     return CUT_OUT_NODES if budget is None else min(CUT_OUT_NODES, max(NODES, CUT_OUT_NODES_PER_SECOND * budget))
+
+
+@contextmanager
+def _unpack_capture(source: Path) -> Iterator[tuple[Path, Path | None]]:
+    """Unpack the capture of an archive, for as long as it is read; give it with the folder that it may not read beyond.
+
+    A capture that came as a file may come from anyone.
+    """
+    suffix = source.suffix.lower()
+    if suffix not in (*ARCHIVES, *VIDEOS):
+        yield source, None
+        return
+    with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
+        try:
+            yield unpack_capture(source, Path(folder)) if suffix in ARCHIVES else Path(folder), Path(folder)
+        except CaptureError as error:
+            # the user knows the archive, not the folder that it was unpacked into
+            raise CaptureError(str(error).replace(folder + os.sep, "").replace(folder, str(source))) from error

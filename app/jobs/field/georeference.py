@@ -3,7 +3,6 @@
 Splats and ground truth beside the field are corrected with it; splats are made into voxels again.
 """
 
-
 from collections.abc import Generator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,11 +12,12 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import map_steps
 from nerfnav.estimator import rescale_map_error, transform_views
 from nerfnav.experiments import describe_free_space_accuracy, measure_unproven_share
 from nerfnav.field import (
     FieldInfo,
-    MoveStep,
+    GridField,
     StoredField,
     VoxelField,
     crop_field,
@@ -39,7 +39,7 @@ from nerfnav.importers import (
     splats_path,
     voxelize,
 )
-from nerfnav.world import Scene, moved_scene
+from nerfnav.world import Scene, move_scene
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.field.report import stored
 from nerfnav_app.places.place import field_file, ground_truth
@@ -48,12 +48,12 @@ from nerfnav_app.storage.output_files import OutputError, prepare_file
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A field that was put right, and what is stored beside it."""
+    """A georeferenced field, and what is stored beside it."""
 
     field: StoredField
     splats: Splats | None
     truth: Scene | None
-    told: tuple[str, ...]
+    changes: tuple[str, ...]
     """What has changed, in words."""
 
 
@@ -67,30 +67,28 @@ def save(made: Placed, out: Path) -> JobResult:
 
 def _numbers(made: Placed) -> dict[str, Any]:
     field = made.field
-    voxel = float(field.spacing.max()) if isinstance(field, VoxelField) else field.step
-    freedom = measure_unproven_share(field, voxel)
+    voxel = field.resolution
+    accuracy = measure_unproven_share(field, voxel)
     return {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
         "voxel_m": voxel,
-        "changed": list(made.told),
+        "changed": list(made.changes),
         "guesses": list(field.info.guesses),
-        "geometry": asdict(freedom),
-        "in_words": describe_free_space_accuracy(freedom),
+        "geometry": asdict(accuracy),
+        "in_words": describe_free_space_accuracy(accuracy),
     }
 
 
 def moved_field(field: StoredField, change: Alignment) -> Generator[JobEvent, bool | None, StoredField]:
-    step: MoveStep | None = None
-    for step in move_field(field, change.similarity):
-        yield Progress(step.label, 0.1 + 0.8 * step.fraction)
-    assert step is not None and step.field is not None, "moving ends with its field"
-    return step.field if change.box is None else crop_field(step.field, change.box)
+    steps = move_field(field, change.similarity)
+    moved = yield from map_steps(steps, lambda step: Progress(step.label, 0.1 + 0.8 * step.fraction))
+    return moved if change.box is None else crop_field(moved, change.box)
 
 
 def placed_splats(splats: Splats, change: Alignment) -> Splats:
     """Splats where they belong: nothing of them is lost."""
     similarity = change.similarity
-    placed = splats.placed(similarity.rotation.numpy(), similarity.scale)
+    placed = splats.to_world(similarity.rotation.numpy(), similarity.scale)
     return replace(placed, centers=(placed.centers + similarity.translation.numpy()).astype("float32"))
 
 
@@ -99,7 +97,7 @@ def voxels_of(splats: Splats, field: StoredField, change: Alignment) -> VoxelFie
     box = change.similarity.box(field.box)
     if change.box is not None:
         box = intersect_boxes(change.box, box)
-    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, VoxelField) else field.step)
+    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, GridField) else field.step)
     return voxelize(splats, VoxelizeConfig(voxel=voxel, box=box), field.info.source)
 
 
@@ -112,18 +110,18 @@ def truth_of(
         return None, ()
     if field.info.source in scenes.names():
         return None, (f"the ground truth and the tasks of {field.info.source} stay behind: plans are not judged there",)
-    return moved_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
+    return move_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
 
 
 def cut_in_words(change: Alignment, changed: StoredField) -> tuple[str, ...]:
-    """What became of the box."""
+    """Describe the new box, if it was cropped."""
     return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
 
 
 def info_of(
     changed: StoredField, before: FieldInfo, correction: AlignmentRequest, similarity: Similarity
 ) -> FieldInfo:
-    """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
+    """Update the info: figures about surfaces hold as upper bounds, those of free space no more."""
     known = ["box"]  # as what was guessed of it is in the coordinates of before
     if correction.up is not None or correction.floor is not None or correction.find_floor:
         known.append("up")
@@ -154,12 +152,12 @@ _UP = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class PlaceRequest:
-    """What to put right."""
+    """Request of a georeferencing: the field, its correction, a new file."""
 
     what: str
     """Path of a field file, or name of a bundled scene."""
     correction: AlignmentRequest
-    """What was measured and pointed at."""
+    """Measurements, and points on the floor."""
     out: Path
     """The file for the field, another one than that which it is made of."""
 
@@ -167,7 +165,7 @@ class PlaceRequest:
 def run(request: PlaceRequest) -> JobEvents:
     """Yield progress, and return what has changed and what was guessed.
 
-    Splats that lie beside the field are put right and made into voxels again; ground truth beside it goes along.
+    Splats beside the field are corrected and made into voxels again; ground truth beside it is corrected too.
     Raises NerfnavError where nothing is asked for, or it cannot be done.
     """
     correction = request.correction
@@ -184,8 +182,8 @@ def run(request: PlaceRequest) -> JobEvents:
     beside = splats_path(path)
     splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
     changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
-    truth, told = truth_of(field, path, change, changed)
-    told = (*change.told, *cut_in_words(change, changed), *told)
+    truth, changes = truth_of(field, path, change, changed)
+    changes = (*change.changes, *cut_in_words(change, changed), *changes)
     changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
-    return save(Placed(changed, splats, truth, told), out)
+    return save(Placed(changed, splats, truth, changes), out)

@@ -1,36 +1,42 @@
 """Training data from a mesh: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
 
-from collections.abc import Generator
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import torch
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import TrainConfig
-from nerfnav.importers import Imported, SceneConfig, import_mesh
+from nerfnav.importers import MeshFileError, SceneConfig, import_mesh
+from nerfnav.importers.captures.archive import extract
+from nerfnav.importers.meshes.files import SUFFIXES, list_archived_meshes, resolve_mesh, select_mesh
 from nerfnav.world import split
-from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.bundled import images_for, iterations_for, photograph
 from nerfnav_app.jobs.field.request import TrainRequest
-from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
-from nerfnav_app.jobs.field.unpacking import mesh_unpacked
+from nerfnav_app.jobs.field.training_data import Gathering, TrainingData, relay_import
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
+_BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff")
+"""Endings of the files that meshes in an archive may need."""
 
 
 def gather(request: TrainRequest) -> Gathering:
     """Read the mesh and photograph it. Raises MeshFileError for files that no scene can be made of."""
     request.require_unset("a mesh", downscale=request.photographs.downscale)
-    with mesh_unpacked(Path(request.source)) as path:
+    with _unpack_mesh(Path(request.source)) as path:
         config = SceneConfig(request.placement, request.mesh, request.voxel, _nodes(request.budget))
-        imported = yield from _imported(path, config)
+        imported = yield from relay_import(import_mesh(path, config), "reading the mesh")
     scene = imported.scene
-    assert scene.voxel is not None  # an imported scene says what suits it
+    assert scene.voxel is not None  # an imported scene has one that suits it
     # places of all sizes take as much work, in voxels
     volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
     without_depth = request.depth is False
-    count = request.photographs.count or images_for(volume, with_depth=not without_depth)
+    count = request.photographs.images or images_for(volume, with_depth=not without_depth)
     capture = replace(request.capture.clear_of(scene.voxel), images=count)
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs.without_depth() if without_depth else photographs)
@@ -41,15 +47,24 @@ def gather(request: TrainRequest) -> Gathering:
 
 
 def _nodes(budget: float | None) -> float:
-    """How many nodes can be trained in a time [s]: a grid that no ray has reached yet is worse than a coarse one."""
+    """Nodes that can be trained in a time [s]: a grid that no ray has reached yet is worse than a coarse one."""
     return SceneConfig.nodes if budget is None else min(SceneConfig.nodes, max(LEAST_NODES, NODES_PER_SECOND * budget))
 
 
-def _imported(path: Path, config: SceneConfig) -> Generator[JobEvent, bool | None, Imported]:
-    for step in import_mesh(path, config):
-        stop = yield Progress(step.doing, step.fraction)
-        if stop:
-            raise StoppedError("stopped while reading the mesh: nothing was learned yet, so nothing is saved")
-        if step.imported is not None:
-            return step.imported
-    raise AssertionError("an import ends with its scene")
+@contextmanager
+def _unpack_mesh(source: Path) -> Iterator[Path]:
+    """Unpack the mesh file of an archive, for as long as it is read; any other mesh is where it is."""
+    if source.suffix.lower() != ".zip":
+        yield resolve_mesh(source)
+        return
+    names = list_archived_meshes(source)
+    name = select_mesh([PurePosixPath(name) for name in names])
+    if name is None:
+        raise InvalidInputError(f"{source} holds {len(names)} meshes ({', '.join(names[:5])}): pack one alone")
+    with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
+        extract(source, Path(folder), (*SUFFIXES, *_BESIDE))
+        try:
+            yield Path(folder) / name
+        except MeshFileError as error:
+            # the user knows the archive, not the folder that it was unpacked into
+            raise MeshFileError(str(error).replace(folder + os.sep, "")) from error

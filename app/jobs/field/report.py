@@ -1,6 +1,5 @@
 """Report of a new field: free-space accuracy, pose floor, stored files, ground truth, numbers for `--json`."""
 
-
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -20,9 +19,7 @@ from nerfnav.experiments import (
     note_free_space,
 )
 from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
-from nerfnav.importers import (
-    Placement,
-)
+from nerfnav.importers import Placement
 from nerfnav.importers.core.placement import Vector
 from nerfnav.importers.meshes.ground_truth import truth_path, write_truth_beside
 from nerfnav.world import Scene
@@ -32,13 +29,13 @@ from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 def import_numbers(made: StoredField) -> dict[str, Any]:
     nodes = {"voxels": int(np.prod(made.shape))} if isinstance(made, VoxelField) else {}
     corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
-    freedom = measure_unproven_share(made, float(made.spacing.max()) if isinstance(made, VoxelField) else made.step)
-    told = {"geometry": asdict(freedom), "in_words": describe_free_space_accuracy(freedom)}
-    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **told}
+    accuracy = measure_unproven_share(made, made.resolution)
+    free_space = {"geometry": asdict(accuracy), "in_words": describe_free_space_accuracy(accuracy)}
+    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **free_space}
 
 
 def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
-    """Up and scale as they were taken, and which of them nobody gave."""
+    """Up and scale as they were taken, and which of them were guessed."""
     given = {"up": placement.up, "scale": placement.meters_per_unit, "box": placement.box}
     return {
         "up": list(placement.up or up),
@@ -50,25 +47,25 @@ def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
 def judge_field(
     trained: VoxelField | NeuralField, material: TrainingData
 ) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
-    """The field that knows how well photographs tell poses in it, and what planners take for free; and the latter."""
+    """Measure the pose error and the free-space accuracy of a field; return the field with both, and the latter."""
     trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
-    freedom = _freedom_of(trained, material)
-    return replace(trained, info=note_free_space(trained.info, freedom)), freedom
+    accuracy = _accuracy_of(trained, material)
+    return replace(trained, info=note_free_space(trained.info, accuracy)), accuracy
 
 
-def _freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
-    """What planners take for free there, against the best that tells what is."""
-    voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
+def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
+    """Free-space accuracy, against the best reference that there is."""
+    voxel = trained.resolution
     if material.truth is not None:
-        seen_from = (material.learned.camera, material.learned.poses)
-        return measure_free_space_on_mesh(trained, voxel, material.truth, seen_from)
+        learned = material.learned
+        return measure_free_space_on_mesh(trained, voxel, material.truth, learned.camera, learned.poses)
     if material.held_out.depth is not None and len(material.held_out):
         return measure_free_space_on_depth(trained, voxel, material.held_out, material.learned)
     return measure_unproven_share(trained, voxel)
 
 
 def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
-    """How well photographs tell poses there (see estimator/map_error.py)."""
+    """Pose error of held-out photographs (see estimator/map_error)."""
     if not isinstance(trained, VoxelField):
         return ()
     noise = ColorNoise().measured(trained.info.noise_std)
@@ -85,8 +82,8 @@ def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tup
         return save_field(linked, out), (out, truth_path(out))
 
 
-def training_numbers(trained: VoxelField | NeuralField, freedom: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
-    """What `train --json` prints of it."""
+def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
+    """Numbers of a trained field for `train --json`."""
     return {
         "psnr_db": trained.info.psnr_db,
         "psnr_one_exposure_db": trained.info.psnr_one_exposure_db,
@@ -96,16 +93,16 @@ def training_numbers(trained: VoxelField | NeuralField, freedom: FreeSpaceAccura
         "file_bytes": file_bytes,
         "learned_from": trained.info.learned_from,
         "proven_from": trained.info.proven_from,
-        "geometry": asdict(freedom),
-        "in_words": describe_free_space_accuracy(freedom),
+        "geometry": asdict(accuracy),
+        "in_words": describe_free_space_accuracy(accuracy),
     }
 
 
 def noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
-    """A field that knows what it was made of."""
+    """Note in the info of a field what it was made of."""
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    told = replace(
+    info = replace(
         field.info,
         source=name,
         seed=request.seed,
@@ -114,4 +111,4 @@ def noted(field: VoxelField | NeuralField, request: TrainRequest, material: Trai
         placed=material.placed,
         views=() if material.truth is not None else encode_views(material.learned.poses),
     )
-    return replace(field, info=told)
+    return replace(field, info=info)

@@ -5,7 +5,6 @@ from the pictures (see the `gather` of each source). A grid finer than the pictu
 pixels bound it.
 """
 
-
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from nerfnav_app.places.sources import QualityName
 
 @dataclass(frozen=True)
 class Quality:
-    """How fine and how long."""
+    """Quality of a training: resolution and time."""
 
     nodes: float
     """Nodes of the field, in those that the source asks for."""
@@ -41,7 +40,7 @@ def voxel_of(quality: Quality, suited: float, pixel: float) -> float:
 
 
 def pixel_size(photographs: PosedImages, box: Box) -> float:
-    """What a pixel covers at the middle of the box [m]: the median of the photographs."""
+    """Size of a pixel at the middle of the box [m]: the median of the photographs."""
     middle = (box.lower + box.upper) / 2
     return float((photographs.poses.position - middle).norm(dim=-1).median()) / photographs.camera.fx
 
@@ -52,27 +51,27 @@ LEAST_HELD_OUT = 10
 
 @dataclass(frozen=True)
 class Photographs:
-    """Which photographs are learned from."""
+    """Photographs to learn from."""
 
-    count: int | None = None
-    """How many are taken of a scene or mesh, every tenth held out; None: as many as its size asks for."""
+    images: int | None = None
+    """Photographs to take of a scene or mesh, every tenth held out (default: by its size)."""
     downscale: int | None = None
-    """A capture's photographs are made so many times smaller; None: until none is too large to learn quickly."""
+    """Factor by which to shrink a capture's photographs (default: until none is slow to learn)."""
     held_out_every: int = 8
-    """One of so many of a capture's photographs is kept to judge the field."""
+    """Hold out one of this many photographs of a capture, to judge the field."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no training can have."""
         require_positive(downscale=self.downscale)
-        if self.count is not None and self.count < LEAST_HELD_OUT:
-            raise InvalidInputError(f"images must be at least {LEAST_HELD_OUT}, one of them to test, not {self.count}")
+        if self.images is not None and self.images < LEAST_HELD_OUT:
+            raise InvalidInputError(f"images must be at least {LEAST_HELD_OUT}, one of them to test, not {self.images}")
         if self.held_out_every < 2:
             raise InvalidInputError(f"at least every second photograph is learned from, not {self.held_out_every}")
 
 
 @dataclass(frozen=True)
 class NeuralOptions:
-    """What is asked of the networks of a neural field; the paper's by default."""
+    """Networks of a neural field; the paper's by default."""
 
     layers: int = 8
     """Layers of each of the two networks."""
@@ -81,7 +80,7 @@ class NeuralOptions:
     rays: int = 1024
     """Rays in a training step."""
     device: str = "cpu"
-    """Where they are trained: cpu, or cuda for a GPU, without which the paper's networks take days."""
+    """Device of the training: cpu, or cuda for a GPU; without one, the paper's networks take days."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for networks that cannot be."""
@@ -92,7 +91,7 @@ class NeuralOptions:
 
 @dataclass(frozen=True)
 class TrainRequest:
-    """What to train from."""
+    """Request of a training: source, file and options."""
 
     source: str
     """Name of a bundled scene, or path of a mesh file or a capture."""
@@ -107,21 +106,21 @@ class TrainRequest:
     voxel: float | None = None
     """Distance of the field's nodes [m]; None: what suits the source."""
     photographs: Photographs = field(default_factory=Photographs)
-    """Which photographs are learned from."""
+    """Photographs to learn from."""
     placement: Placement = field(default_factory=Placement)
-    """How the source lies in the world."""
+    """Placement of the source in the world."""
     mesh: MeshOptions = field(default_factory=MeshOptions)
-    """What only meshes leave open."""
+    """Options of meshes."""
     config: TrainConfig = field(default_factory=TrainConfig)
-    """How else to train."""
+    """Further settings of the training."""
     capture: CaptureConfig = field(default_factory=CaptureConfig)
-    """How else to take pictures of scenes and meshes."""
+    """Further settings of the photographs of scenes and meshes."""
     depth: bool | None = None
-    """Whether to learn with depth; None: where there is any, but for bundled scenes, which show what pictures do."""
+    """Learn with depth; None: where there is any, but for bundled scenes, which show what pictures do."""
     quality: QualityName = "good"
-    """How fine and how long, by what the source asks for; voxel, iterations and budget go before."""
+    """Quality; voxel, iterations and budget take precedence."""
     save_every: float | None = None
-    """Time between two fields of what is learned so far, kept in `out` until the next [s]; None: the last alone."""
+    """Period at which the field so far is stored in `out` [s]; None: only at the end."""
     neural: NeuralOptions | None = None
     """The networks of a neural field; None: a voxel field is trained."""
 
@@ -137,5 +136,5 @@ class TrainRequest:
         """Raise InvalidInputError, which names it, for an option that was given although a `kind` has no use for it."""
         for name, given in options.items():
             if given:
-                told = name.replace("_", "-")
-                raise InvalidInputError(f"{told} means nothing for {kind}, which {self.source} is: leave it out")
+                option = name.replace("_", "-")
+                raise InvalidInputError(f"{option} means nothing for {kind}, which {self.source} is: leave it out")

@@ -1,6 +1,5 @@
 """Train job: gather photographs of a source, configure the training, learn a voxel field or networks, store it."""
 
-
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
@@ -80,13 +79,14 @@ def learn_voxels(
 ) -> Generator[JobEvent, bool | None, VoxelField]:
     """Yield reports and progress; return the field. Send True to end early."""
     steps = train(material.learned, material.held_out, material.box, material.background, config, generator)
-    step = next(steps)
-    while step.field is None:
+    stop: bool | None = None
+    while True:
+        try:
+            step = steps.send(stop)
+        except StopIteration as end:
+            return end.value
         yield step
-        stop = yield Progress("training", step.fraction)
-        step = steps.send(stop)
-    yield step
-    return step.field
+        stop = None if step.last else (yield Progress("training", step.fraction))
 
 
 _LAYERS_BEFORE_SKIP = 5
@@ -114,11 +114,13 @@ def learn_networks(
     )
     blank = blank_field(material.box, material.background, network, generator, options.device)
     steps = train_neural(material.learned, material.held_out, blank, config, generator)
-    step = next(steps)
-    while step.field is None:
-        stop = yield Progress(f"training, PSNR {step.psnr_db:.1f} dB", step.fraction)
-        step = steps.send(stop)
-    return step.field
+    stop: bool | None = None
+    while True:
+        try:
+            step = steps.send(stop)
+        except StopIteration as end:
+            return end.value
+        stop = None if step.last else (yield Progress(f"training, PSNR {step.psnr_db:.1f} dB", step.fraction))
 
 
 __all__ = ["StoppedError", "TrainRequest", "run"]
@@ -142,9 +144,9 @@ def run(request: TrainRequest) -> JobEvents:
         trained = yield from learn_networks(material, request, request.neural, generator)
     trained = noted(trained, request, material)
     yield Progress("judging", 1.0)
-    trained, freedom = judge_field(trained, material)
+    trained, accuracy = judge_field(trained, material)
     file_bytes, files = stored(trained, material.truth, out)
-    summary = {**training_numbers(trained, freedom, file_bytes), "source": material.report}
+    summary = {**training_numbers(trained, accuracy, file_bytes), "source": material.report}
     return JobResult(summary, files)
 
 

@@ -3,11 +3,11 @@
 Each kind of source is a file with `gather(request)`, imported only when it is needed (KINDS).
 """
 
-
 import importlib
 from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from jaxtyping import Float
 from torch import Tensor
@@ -16,9 +16,12 @@ import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
+from nerfnav.importers.core.progress import ImportStep
 from nerfnav.world import Scene
-from nerfnav_app.jobs.events import JobEvent
+from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.request import Photographs, TrainRequest
+
+Imported = TypeVar("Imported")
 
 
 class StoppedError(NerfnavError):
@@ -27,37 +30,50 @@ class StoppedError(NerfnavError):
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """Ready to train from."""
+    """Photographs of a source with all that training needs."""
 
     learned: PosedImages
     """Photographs that the field learns from."""
     held_out: PosedImages
     """Photographs that judge it: it never sees them."""
     box: Box
-    """Where the field lives."""
+    """Box of the field."""
     background: Float[Tensor, "3"]
     """sRGB colour of rays that nothing stops, in [0, 1]."""
     truth: Scene | None
     """The ground truth, where there is one."""
     report: dict[str, object]
-    """What `nerfnav train --json` tells about the source: its kind, what was used, what was guessed."""
+    """Numbers of the source for `nerfnav train --json`: its kind, what was used, what was guessed."""
     voxel: float | None = None
     """Distance of nodes that suits it [m]; None: TrainConfig's."""
     iterations: int | None = None
     """Training steps that it asks for; None: TrainConfig's."""
     bounded: bool = True
-    """Whether all that the photographs show, but for the background's colour, lies in the box."""
+    """All that the photographs show, except the background's colour, lies in the box."""
 
     camera: tuple[float, ...] = ()
-    """What took the photographs, as `Camera.numbers` has it; empty where that is not worth noting."""
+    """Camera of the photographs, as `Camera.numbers`; empty where it is not worth noting."""
     placed: tuple[float, ...] = ()
-    """How the field lies in the capture, as `Similarity.numbers` has it; empty where there is none."""
+    """Similarity from capture to field, as `Similarity.numbers`; empty where there is none."""
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """What was guessed, sentences."""
-        told = self.report.get("guesses", ())
-        return tuple(map(str, told)) if isinstance(told, list | tuple) else ()
+        """Guesses about the source, as sentences."""
+        guesses = self.report.get("guesses", ())
+        return tuple(map(str, guesses)) if isinstance(guesses, list | tuple) else ()
+
+
+def relay_import(
+    steps: Generator[ImportStep, None, Imported], doing: str
+) -> Generator[JobEvent, bool | None, Imported]:
+    """Yield the steps of an import as progress, and return its result. Raises StoppedError where it is stopped."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value
+        if (yield Progress(step.doing, step.fraction)):
+            raise StoppedError(f"stopped while {doing}: nothing was learned yet, so nothing is saved")
 
 
 Gathering = Generator[JobEvent, bool | None, TrainingData]
@@ -72,7 +88,7 @@ KINDS = {
 }
 """The file for each kind; it is imported only when it is needed."""
 
-__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather"]
+__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather", "relay_import"]
 
 
 def gather(request: TrainRequest) -> Gathering:

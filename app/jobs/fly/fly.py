@@ -1,6 +1,5 @@
 """Fly job: Algorithm 1 in a simulated world, from a plan to an episode, its numbers, its files and its run metadata."""
 
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode, NavigationStep
-from nerfnav.planner import FLYABLE, PlanStep
+from nerfnav.planner import FLYABLE, PlanResult, PlanStep
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.export.recording import TRAJECTORY
 from nerfnav_app.jobs.fly.request import FlyRequest, GoalRecorder
@@ -20,7 +19,7 @@ from nerfnav_app.storage.step_log import open_step_log
 
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
-    """What `fly --json` prints."""
+    """Summarize a flight as `fly --json` prints it."""
     unjudged = {} if place.truth else {"mesh_collision_steps": None}
     return episode.metrics() | unjudged
 
@@ -36,7 +35,7 @@ def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
 
 
 def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
-    """What the run store knows of a flight before it is flown."""
+    """Describe a flight for the run store before it is flown."""
     route = request.route
     return RunMetadata(
         place=place.name,
@@ -54,21 +53,21 @@ def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:
-    """Yield what planner, filter and loop yield; return the numbers of the flight and what was written.
+    """Fly: yield the steps of the flight, return its numbers and the files that were written.
 
     Send True to land early: the flight so far is then reported and stored, with the outcome "stopped".
     Raises NerfnavError where the request cannot be worked with.
     """
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    watched = GoalRecorder(request.orders)
-    request = set_duration(replace(request, orders=watched), place)
+    operator = GoalRecorder(request.operator)
+    request = set_duration(replace(request, operator=operator), place)
     flown: list[NavigationStep] = []
     with open_step_log(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:
         for event in begin(request, place):
             if log is not None and isinstance(event, NavigationStep):
                 log.append(event)
-                log.note_goal(watched.goal)
+                log.note_goal(operator.goal)
             stop = yield event
             if isinstance(event, NavigationStep):
                 flown.append(event)
@@ -76,7 +75,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             elif isinstance(event, PlanStep) and not flown:
                 fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
                 stop = (yield Progress("optimising the first plan", fraction)) or stop
-                if event.outcome is not None and request.plan is None:
+                if isinstance(event, PlanResult) and request.plan is None:
                     if request.cautious and event.outcome not in FLYABLE:
                         return JobResult({"outcome": event.outcome.name.lower()})
                     request = replace(request, plan=event.motion)  # what follows is planned again from the belief

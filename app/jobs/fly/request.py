@@ -11,14 +11,14 @@ from nerfnav_app.jobs.plan.plan import PlanRequest
 
 @dataclass(frozen=True)
 class FlyRequest:
-    """What to fly."""
+    """Request of the fly job."""
 
     route: PlanRequest
-    """From where to where, and how plans are made; its `out` is not used."""
+    """Ends of the flight, and settings of its plans; its `out` is not used."""
     plan: Motion | None = None
-    """The first plan where it is already made, from the route's start to its goal."""
+    """First plan from the start to the goal, where it is already made."""
     cautious: bool = False
-    """Whether it stays on the ground where its own first plan is not to be flown: the page asks people then."""
+    """Whether the robot stays on the ground where its first plan is not to be flown: the page asks the user then."""
     estimator: str = "fast"
     """Name of the estimator."""
     open_loop: bool = False
@@ -30,11 +30,11 @@ class FlyRequest:
     realtime: bool = False
     """Whether the world goes on while filter and planner compute."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
-    """How the flight is flown."""
-    orders: Callable[[], OperatorRequests] = OperatorRequests
-    """Asked at each time step for what has changed on the way."""
+    """Configuration of the flight."""
+    operator: Callable[[], OperatorRequests] = OperatorRequests
+    """Called once before each time step."""
     source: str = ""
-    """What was opened, for the record: scene name or field file; empty means the place's name."""
+    """Scene name or field file that was opened, for the record; empty: the place's name."""
     task: str | None = None
     """The scene's task that is flown, for the record; None where the ends were chosen freely."""
     out: Path | None = None
@@ -43,13 +43,13 @@ class FlyRequest:
 
 
 class GoalRecorder:
-    """The orders of a flight, and the last goal that was among them."""
+    """Operator of a flight that records the last goal among its requests."""
 
-    def __init__(self, orders: Callable[[], OperatorRequests]) -> None:
-        self._orders = orders
+    def __init__(self, operator: Callable[[], OperatorRequests]) -> None:
+        self._operator = operator
         self.goal: RigidState | None = None
 
     def __call__(self) -> OperatorRequests:
-        orders = self._orders()
-        self.goal = orders.goal or self.goal
-        return orders
+        requests = self._operator()
+        self.goal = requests.goal or self.goal
+        return requests

@@ -1,6 +1,6 @@
 """Set-up of a flight: planner, estimator and simulator that a request asks for, ready to navigate."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import replace
 
 import torch
@@ -8,8 +8,9 @@ import torch
 from nerfnav.estimator import ColorNoise, ConsiderCovariance, FilterConfig, estimators
 from nerfnav.navigation import (
     WORLDS,
+    Episode,
     FlightRequest,
-    LoopEvent,
+    FlightStep,
     NavigationStack,
     Simulator,
     build_safe_planner,
@@ -25,59 +26,59 @@ from nerfnav_app.places.derived import build_occupancy, build_searcher, prepare_
 from nerfnav_app.places.place import Place
 
 
-def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
-    """Yield the steps of a flight in a simulator of the place. Raises NerfnavError for unknown names."""
-    route, seen_as = request.route, prepare_place(place, request.route.unknown)
-    robot, seen_with, world = place.robot, place.robot.camera, WORLDS[request.world]
+def begin(request: FlyRequest, place: Place) -> Generator[FlightStep, None, Episode]:
+    """Begin a flight in a simulator of the place. Raises NerfnavError for unknown names."""
+    route, planned = request.route, prepare_place(place, request.route.unknown)
+    robot, world = place.robot, WORLDS[request.world]
     estimator = estimators.load(request.estimator)
-    occupancy = build_occupancy(seen_as, route.settings.occupancy, route.ends.start.position[2])
+    occupancy = build_occupancy(planned, route.settings.occupancy, route.ends.start.position[2])
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
-    config = world.expecting(config)
-    where = seen_as.field, occupancy, world.planned(robot)
-    planner, guard = build_safe_planner(planners.load(route.planner), where, route.settings, route.again, config.noise)
-    config = replace(config, filter=_suiting(config.filter, place))
-    generator = torch.Generator().manual_seed(request.seed)
-    lasting = ConsiderCovariance(() if place.scene is None else place.field.info.pose_floor, robot.mount)
-    pilot = NavigationStack(
+    config = world.configure(config)
+    planner, safety_filter = build_safe_planner(
+        planners.load(route.planner), planned.field, occupancy, world.planning_robot(robot), route.settings,
+        config.noise, route.again,
+    )  # fmt: skip
+    config = replace(config, filter=_configure_filter(config.filter, place))
+    stack = NavigationStack(
         planner,
-        estimator.make(place.field, robot, seen_with, mount=robot.mount, config=config.filter),
-        build_searcher(place, seen_with, config.filter.color_noise),
-        guard,
+        estimator.make(place.field, robot, robot.camera, mount=robot.mount, config=config.filter),
+        build_searcher(place, robot.camera, config.filter.color_noise),
+        safety_filter,
         place.field,
-        lasting,
+        ConsiderCovariance(() if place.scene is None else place.field.info.pose_floor, robot.mount),
     )
-    camera, contact = camera_function(place), contact_function(place)
-    simulator = world.simulated(Simulator(
-        robot, route.ends.start.state(), camera, world_generator(request.seed), robot.mount,
-        noise=config.noise, contact=contact,
+    simulator = world.simulate(Simulator(
+        robot, route.ends.start.state(), camera_function(place), world_generator(request.seed), robot.mount,
+        noise=config.noise, contact=contact_function(place),
     ))  # fmt: skip
-    pilot = compensate_latency(pilot, simulator)
-    goal = route.ends.goal.state()
-    if request.realtime:  # the first update of a process takes seconds, which no robot waits for on the ground
+    stack = compensate_latency(stack, simulator)
+    if request.realtime:  # the first update of a process takes seconds, for which no robot waits on the ground
         for _ in warm_up_filter(place, simulator.state):
             pass
-    mission = FlightRequest(goal, route.steps, route.dt, request.plan, request.orders, request.realtime)
-    return navigate(mission, simulator, pilot, config, generator)
+    flight = FlightRequest(
+        route.ends.goal.state(), route.steps, route.dt, request.plan, request.operator, request.realtime
+    )
+    return navigate(flight, simulator, stack, config, torch.Generator().manual_seed(request.seed))
 
 
 def set_duration(request: FlyRequest, place: Place) -> FlyRequest:
-    """The same with the number of steps that its plan has, or, where a duration is to be found, its way should take."""
+    """Set the number of steps to that of the first plan, or, where a duration is to be found, estimate it."""
     route, plan = request.route, request.plan
     if plan is not None:
         return replace(request, route=replace(route, steps=plan.actions.shape[-2], dt=plan.dt))
     if not route.shortest:
         return request
-    seen_as = prepare_place(place, route.unknown)
-    occupancy = build_occupancy(seen_as, route.settings.occupancy, route.ends.start.position[2])
-    seen_as = replace(seen_as, robot=WORLDS[request.world].planned(place.robot))
+    planned = prepare_place(place, route.unknown)
+    occupancy = build_occupancy(planned, route.settings.occupancy, route.ends.start.position[2])
+    planned = replace(planned, robot=WORLDS[request.world].planning_robot(place.robot))
     settings = route.again or planners.load(route.planner).again(route.settings)  # with the risk that flights count
-    asked = replace(route, config=settings)
-    timing = timing_for(asked, seen_as, occupancy, keep_dt=True)  # the loop looks around at each step
+    weighed = replace(route, config=settings)
+    timing = timing_for(weighed, planned, occupancy, keep_dt=True)  # the loop looks around at each step
     return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 
 
-def _suiting(config: FilterConfig, place: Place) -> FilterConfig:
-    """The filter with what was measured for this field; its colour noise only where no other was asked for."""
+def _configure_filter(config: FilterConfig, place: Place) -> FilterConfig:
+    """Take the noise that was measured for this field; keep a colour noise that is not the default."""
     measured = config.for_field(place.field.info)
-    asked = config.color_noise.std != ColorNoise.std
-    return replace(measured, color_noise=config.color_noise) if asked else measured
+    given = config.color_noise.std != ColorNoise.std
+    return replace(measured, color_noise=config.color_noise) if given else measured

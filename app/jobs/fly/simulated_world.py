@@ -4,7 +4,6 @@ Camera and contact are those of the ground truth, or of the field where a place 
 picture, updates a first belief by it, and plans a first path to rest.
 """
 
-
 from collections.abc import Iterator
 
 import cv2
@@ -20,7 +19,7 @@ from nerfnav_app.places.place import Place
 
 
 def contact_function(place: Place) -> ContactFunction | None:
-    """What tells whether the robot touches the ground truth; None where there is none."""
+    """Make the contact check against the ground truth; None without one."""
     if place.scene is None:
         return None
     from nerfnav.world import contact_check  # slow to import, and people see the place before
@@ -29,7 +28,7 @@ def contact_function(place: Place) -> ContactFunction | None:
 
 
 def camera_function(place: Place) -> CameraFunction:
-    """Pictures of the ground truth; of the field where there is none."""
+    """Make the camera of the ground truth; of the field where there is none."""
     seen_with = place.robot.camera
     if place.scene is None:
         return lambda pose: render_image(place.field, seen_with, pose).image
@@ -40,7 +39,7 @@ def camera_function(place: Place) -> CameraFunction:
 
 
 def warm_up_renderer() -> None:
-    """Look at next to nothing: by then what makes pictures of ground truths is compiled."""
+    """Render one triangle, so that the renderer of ground truths is compiled."""
     import trimesh
 
     from nerfnav.world import MeshRenderer  # slow to import, as above
@@ -54,9 +53,9 @@ _ROUGH = 1 / 3
 
 
 def render_view(place: Place, state: RigidState, rough: bool = False) -> np.ndarray:
-    """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes.
+    """Render the field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes.
 
-    Rough, it is made of fewer pixels, and as large.
+    A rough picture has the same size, of fewer pixels.
     """
     camera = place.robot.camera
     looking = camera.scaled(_ROUGH) if rough else camera
@@ -65,8 +64,8 @@ def render_view(place: Place, state: RigidState, rough: bool = False) -> np.ndar
 
 
 def warm_up_filter(place: Place, state: RigidState) -> Iterator[FilterStep]:
-    """Correct a belief by a small picture of the field, taken where the robot believes to be, and hold there."""
-    place.robot.held(state, torch.zeros(1, 3), dt=0.1, rest=0.0)
+    """Correct a belief by a small picture of the field from the believed state, and plan to hold there."""
+    place.robot.roll_out_hold(state, torch.zeros(1, 3), dt=0.1, rest=0.0)
     camera = Camera.from_fov(64, 64, 90)
     picture = render_image(place.field, camera, state.pose.compose(place.robot.mount)).image
     belief, draws = Belief(state, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)

@@ -4,7 +4,6 @@ With a capture, it also measures how well that is learned in given times: PSNR o
 numbers, tables and plots.
 """
 
-
 import importlib
 import importlib.util
 import os
@@ -130,18 +129,18 @@ def save_bench(folder: Path, summary: dict[str, Any], arena: Arena, find: Finder
 
 @dataclass(frozen=True)
 class BenchRequest:
-    """What to compare."""
+    """Request of a benchmark: place, capture and times. The command line reads it as it is."""
 
     place: str = "stonehenge"
-    """Scene to do it in."""
+    """Scene to measure in."""
     quick: bool = False
-    """Fewer rounds: a first impression, with more spread."""
+    """Fewer rounds: a first impression, with more variance."""
     capture: Path | None = None
-    """Capture that is learned besides; None: none is."""
+    """Folder of a capture to learn as well, best with test views; prints its PSNR for each of --seconds."""
     seconds: tuple[float, ...] = SECONDS
-    """Times that it is learned for [s]."""
+    """Training times of the capture [s]."""
     out: Path | None = None
-    """Folder for bench.json, bench.csv and the plot of the cost of an iteration; None writes nothing."""
+    """Folder for bench.json, bench.csv and the plot of an iteration's cost against waypoints x body points."""
 
 
 def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
@@ -185,6 +184,6 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
 
 
 def numbers(comparison: Comparison) -> dict[str, Any]:
-    """What is told of one comparison."""
+    """Collect the numbers of one comparison."""
     named = {"paper_ms": comparison.paper_ms, "fast_ms": comparison.fast_ms, "ratio": comparison.ratio}
     return {**named, "threads": comparison.threads, **comparison.detail}

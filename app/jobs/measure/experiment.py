@@ -3,8 +3,7 @@
 A new experiment is a file in nerfnav/experiments and an entry in EXPERIMENTS.
 """
 
-
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,9 +11,10 @@ from pathlib import Path
 from nerfnav import __version__
 from nerfnav.core.errors import InvalidInputError, MissingExtraError
 from nerfnav.core.registry import Registry
+from nerfnav.core.steps import map_steps
 from nerfnav.experiments import (
     Arena,
-    ExperimentStep,
+    ExperimentSteps,
     FlightOptions,
     Journal,
     Results,
@@ -42,22 +42,22 @@ from nerfnav_scenes.tasks import stonehenge
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment."""
+    """Entry of the registry of experiments."""
 
     name: str
-    """What users call it."""
-    run: Callable[[Study], Iterator[ExperimentStep]]
-    """What does it."""
+    """Name on the command line."""
+    run: Callable[[Study], ExperimentSteps]
+    """Function that runs it."""
     purpose: str
-    """What it shows, for people."""
+    """Purpose, for the user."""
     place: str = "stonehenge"
-    """Where it happens unless another place is asked for: name of a scene, or path of a field."""
+    """Default place: name of a scene, or path of a field."""
     tasks: tuple[Task, ...] | None = None
     """Flights in that place; None: those of its scene."""
     beside: tuple[str, ...] = ()
     """Further scenes that it happens in where no place is asked for."""
     flies: bool = False
-    """Whether it takes the options of whole flights (Study.flights)."""
+    """Takes the options of whole flights (Study.flights)."""
 
     def tasks_in(self, place: str, arena: Arena) -> tuple[Task, ...]:
         """Its own flights where it happens in its own place, else those of the scene."""
@@ -129,7 +129,7 @@ def register(experiment: Experiment) -> None:
 
 @dataclass(frozen=True)
 class ExperimentRequest:
-    """What to find out."""
+    """Request of an experiment: its name, place and trials."""
 
     name: str
     """Of the experiment."""
@@ -169,13 +169,7 @@ def run(request: ExperimentRequest) -> JobEvents:
     )  # fmt: skip
     further = experiment.beside if request.place is None else ()
     study = replace(study, beside=tuple(_elsewhere(study, name, about) for name in further))
-    results: Results | None = None
-    for step in experiment.run(study):
-        if isinstance(step, TrialDone):
-            yield Progress(f"{step.label}, {step.done} of {step.total}", step.done / max(1, step.total))
-        else:
-            results = step
-    assert results is not None, "an experiment ends with its results"
+    results = yield from map_steps(experiment.run(study), _progress)
     figures: dict[str, bytes] = {}
     if out is not None:
         figures, left_out = _drawn(results)
@@ -184,6 +178,10 @@ def run(request: ExperimentRequest) -> JobEvents:
     if journal is not None:
         journal.path.unlink(missing_ok=True)
     return JobResult(results.summary, files)
+
+
+def _progress(step: TrialDone) -> Progress:
+    return Progress(f"{step.label}, {step.done} of {step.total}", step.done / max(1, step.total))
 
 
 def _drawn(results: Results) -> tuple[dict[str, bytes], Row]:

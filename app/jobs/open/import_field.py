@@ -1,6 +1,5 @@
 """Import job: make a field of Gaussian splats or of the checkpoint of a NeRF."""
 
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -28,14 +27,14 @@ from nerfnav.importers import (
 )
 from nerfnav.importers.core.placement import rotation_to_z
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
-from nerfnav_app.jobs.field.bake import bake_field
 from nerfnav_app.jobs.field.report import describe_placement, import_numbers
+from nerfnav_app.jobs.open.bake import bake_field
 from nerfnav_app.storage.output_files import prepare_file
 
 
 @dataclass(frozen=True)
 class ImportRequest:
-    """What to import."""
+    """Request of an import: source, file and options."""
 
     source: Path
     """A checkpoint, a folder with one, or a file of splats."""
@@ -44,9 +43,9 @@ class ImportRequest:
     voxel: float | None = None
     """Distance of the nodes of a voxel field [m]; None: by the size of the place."""
     keep_network: bool = False
-    """Whether a NeRF stays networks, which take seconds for a picture; else it is baked into a voxel field."""
+    """Keep the networks of a NeRF, which take seconds for a picture; else it is baked into a voxel field."""
     placement: Placement = field(default_factory=Placement)
-    """How the source lies in the world."""
+    """Placement of the source in the world."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no field can have."""
@@ -57,14 +56,14 @@ def import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
     stands = place_splats(read, place, request.source)
-    splats = read.placed(rotation_to_z(np.array(stands.up)), stands.scale)
+    splats = read.to_world(rotation_to_z(np.array(stands.up)), stands.scale)
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
     made = replace(made, info=replace(made.info, guesses=stands.guesses))
     yield Progress("storing the field", 0.8)
     bytes_, beside = save_field(made, out), save_splats(splats, splats_path(out))
-    told = {
+    origin = {
         "kind": "splats",
         "declared": read.declared,
         "splats": len(read),
@@ -72,26 +71,27 @@ def import_splats(request: ImportRequest, out: Path) -> JobEvents:
         **describe_placement(place, stands.up),
         "guesses": list(stands.guesses),
     }
-    return JobResult({**import_numbers(made), "file_bytes": bytes_, "source": told}, (out, beside))
+    return JobResult({**import_numbers(made), "file_bytes": bytes_, "source": origin}, (out, beside))
 
 
 def import_nerf(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the networks", 0.0)
     found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
-    shape, told = found.fine.config, {"kind": "nerf-pytorch", **describe_placement(request.placement, (0.0, 0.0, 1.0))}
+    placed = describe_placement(request.placement, (0.0, 0.0, 1.0))
+    shape, origin = found.fine.config, {"kind": "nerf-pytorch", **placed}
     guesses = _guesses_of(found, request.placement)
-    told |= {"guesses": list(guesses)}
-    told |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
+    origin |= {"guesses": list(guesses)}
+    origin |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
     made: StoredField = found
     if not request.keep_network:
         made = yield from bake_field(found, request.voxel)
     made = replace(made, info=replace(made.info, guesses=guesses))  # type: ignore[type-var]
-    summary = {**import_numbers(made), "file_bytes": save_field(made, out), "source": told}
+    summary = {**import_numbers(made), "file_bytes": save_field(made, out), "source": origin}
     return JobResult(summary, (out,))
 
 
 def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:
-    """What nobody said of networks, and what the files do not tell."""
+    """Guesses about networks: what neither the user nor the files give."""
     guesses = [] if placement.up is not None else ["up is z (the habit of its format)"]
     if placement.meters_per_unit is None:
         longest = float(found.box.size.max())
@@ -102,7 +102,7 @@ def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:
 
 
 def imports(source: Path) -> bool:
-    """Whether a file or folder is of a kind that is imported, not trained from."""
+    """Check whether a file or folder is imported, not trained from."""
     return source_kind(source).command == "import"
 
 

@@ -9,7 +9,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.field import load_field
 from nerfnav.importers import field_name
 from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
-from nerfnav.importers.meshes.folders import meshes_in_archive
+from nerfnav.importers.meshes.files import list_archived_meshes
 from nerfnav_app.jobs.events import JobEvents
 from nerfnav_app.jobs.field import train
 from nerfnav_app.jobs.field.train import TrainRequest
@@ -26,31 +26,31 @@ def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:
 
 
 def find_made_field(source: Path) -> Path | None:
-    """The field that lies beside a source and was made of it since it last changed; None where there is none."""
+    """Find the field beside a source that was made of it since it last changed; None where there is none."""
     path = _beside(source)
     try:
         if not path.is_file() or path.stat().st_mtime < source.stat().st_mtime:
             return None
-        told = load_field(path).info.source
+        origin = load_field(path).info.source
     except (NerfnavError, OSError):
         return None
-    return path if told in _called(source) else None
+    return path if origin in _names_of(source) else None
 
 
 def choose_field_path(source: Path) -> Path:
-    """Where the field of a source is kept: beside it, under a name that no other file has."""
+    """Choose a path for the field of a source: beside it, under a name that no other file has."""
     path = _beside(source)
     names = (path.with_name(f"{path.stem}-{count}{path.suffix}") for count in range(2, 1000))
     return path if not path.exists() else next(name for name in names if not name.exists())
 
 
-def _called(source: Path) -> set[str]:
-    """What a field may say that it was made of: the source, or the mesh or checkpoint in it that was meant."""
+def _names_of(source: Path) -> set[str]:
+    """Names that a field of this source may give as its source: the file, or a mesh or checkpoint in it."""
     inside: set[str] = set()
     if source.is_dir():
         inside = {path.name for path in (*source.glob("*"), *source.glob("meshes/*"))}
     elif source.suffix.lower() in ARCHIVES:
-        inside = {Path(name).name for name in meshes_in_archive(source)}
+        inside = {Path(name).name for name in list_archived_meshes(source)}
     return {source.name, f"capture {source.name}", *inside}
 
 

@@ -1,4 +1,4 @@
-"""Report of a plan: its cost, what it asks of the robot, what it risks in the field, and the verdict of the mesh."""
+"""Report of a plan: cost, limits of the robot, collision bound in the field, overlap with the mesh."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,50 +6,50 @@ from typing import Any
 
 from nerfnav.export import csv_text, json_text, motion_table
 from nerfnav.field import UnknownSpace
-from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, assess_safety
+from nerfnav.planner import PlanCost, PlanOutcome, PlanResult, Safety, assess_safety
 from nerfnav.robots import Motion, limit_uses
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import json_line, write_text
 
 
 def summary_of(
-    step: PlanStep,
+    planned: PlanResult,
     place: Place,
     wall_s: float,
     overlap_m3: float | None,
     max_collision: float | None = None,
     risk: float = 0.0,
 ) -> dict[str, Any]:
-    """What `plan --json` prints, for the last step of a planner whose J weighed collisions by noise with `risk`."""
-    motion = step.motion
+    """Numbers of `plan --json`, of the result of a planner whose J weighed collisions by noise with `risk`."""
+    motion = planned.motion
     safety = assess_safety(place.field, motion, place.robot.body)
     return {
-        "outcome": step.outcome.name.lower() if step.outcome else None,
-        "iterations": step.iteration + 1,
+        "outcome": planned.outcome.name.lower(),
+        "iterations": planned.iteration + 1,
         "wall_s": wall_s,
-        "cost": _cost(step.cost),
+        "cost": _cost(planned.cost),
         "collision_probability_bound": safety.bound,
         "mesh_overlap_m3": overlap_m3,
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
         "duration_s": motion.actions.shape[-2] * motion.dt,
         "limits": _limits(place, motion),
-        "safety": _safety(safety, step, max_collision, risk),
+        "safety": _safety(safety, planned, max_collision, risk),
     }
 
 
 def _cost(cost: PlanCost) -> dict[str, Any]:
     """The terms of J, and of those that were added to Eq. 2 the time that each takes."""
-    told: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
+    terms: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
     if cost.risk:
-        told["risk"] = cost.risk
+        terms["risk"] = cost.risk
     if cost.added:
-        told["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
-    return told
+        terms["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
+    return terms
 
 
 def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
-    """What the motion asks of each of the robot's bounds."""
+    """Use of each of the robot's limits by the motion."""
     return {
         use.name: {
             "least": use.least, "most": use.most, "lower": use.lower, "upper": use.upper, "unit": use.unit,
@@ -59,20 +59,20 @@ def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def _safety(safety: Safety, step: PlanStep, max_collision: float | None, risk: float) -> dict[str, Any]:
-    """What the field believes that the plan risks, and by how much this is more than was asked for."""
-    told: dict[str, Any] = {
+def _safety(safety: Safety, planned: PlanResult, max_collision: float | None, risk: float) -> dict[str, Any]:
+    """Bound on collisions in the field, and by how much it exceeds the limit of the request."""
+    numbers: dict[str, Any] = {
         "bound": safety.bound,
         "bound_per_step_max": safety.per_step.max().item(),
         "min_clearance_m": safety.min_clearance_m,
         "worst_step": safety.worst_step,
     }
-    by_noise = step.cost.risk / risk if risk else 0.0
+    by_noise = planned.cost.risk / risk if risk else 0.0
     if risk:
-        told["expected_by_noise"] = by_noise
-    if step.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
-        told["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
-    return told
+        numbers["expected_by_noise"] = by_noise
+    if planned.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
+        numbers["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
+    return numbers
 
 
 def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
@@ -89,10 +89,10 @@ def save(
 ) -> tuple[Path, ...]:
     """Write a plan's three files into `folder`; `unknown` is what its planner took unproven space for."""
     table = motion_table(motion, place.robot.action_names, place.robot.name)
-    told = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
+    info = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
     if place.robot.file is not None:
-        told["robot_file"] = str(place.robot.file)
-    table = replace(table, info=table.info | told)
+        info["robot_file"] = str(place.robot.file)
+    table = replace(table, info=table.info | info)
     return (
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / "trajectory.json", json_text(table)),

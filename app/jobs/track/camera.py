@@ -33,7 +33,7 @@ def read_image(path: Path, aspect: float | None = None) -> UInt8[Tensor, "height
 
 @dataclass(frozen=True)
 class GivenCamera:
-    """What is known of the camera that took a picture; of several, the first that is given counts."""
+    """Given data of the camera that took a picture; of several, the first that is given counts."""
 
     calibration: Path | None = None
     """Its calibration: see nerfnav/geometry/camera_file.py."""

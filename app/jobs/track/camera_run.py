@@ -17,43 +17,43 @@ from nerfnav_app.jobs.track.imu import GivenImu, describe_biases
 
 @dataclass(frozen=True)
 class CameraRun:
-    """Pictures of a camera, and what is known of it."""
+    """Pictures of a camera, and given data of it."""
 
     source: Path
     """Video, folder of pictures, or recording."""
     camera: GivenCamera = field(default_factory=GivenCamera)
-    """What is known of the camera beside what the source says."""
+    """Given data of the camera, beside those of the source."""
     options: SourceOptions = field(default_factory=SourceOptions)
-    """What the source leaves open."""
+    """Options of the source."""
     imu: GivenImu | None = None
     """The inertial measurement unit that leads from picture to picture; None: a hand's motion does."""
 
 
 @dataclass(frozen=True)
 class TrackedCamera:
-    """A camera that is about to be followed."""
+    """A camera that is ready to be tracked."""
 
     place: StoredField
     """The map."""
     source: FrameSource
-    """What it saw."""
+    """Its frames."""
     frames: Iterator[Frame]
-    """The same, one at a time."""
+    """Iterator over them."""
     tracker: Tracker
-    """What follows it."""
-    told: str
-    """Where the camera was taken from, in words."""
+    """Tracker of its pose."""
+    camera_origin: str
+    """Origin of the intrinsics, in words."""
 
     @classmethod
-    def begun(cls, place: StoredField, asked: CameraRun) -> "TrackedCamera":
-        """Nothing is tracked yet. Raises NerfnavError for what cannot be tracked."""
+    def begin(cls, place: StoredField, asked: CameraRun) -> "TrackedCamera":
+        """Open the source and prepare the tracker. Raises NerfnavError for what cannot be tracked."""
         options = replace(asked.options, aspect=asked.camera.aspect(place.info.camera))
         source = open_source(asked.source, options)
         frames = source.frames()
         first = next(frames, None)
         if first is None:
             raise InvalidInputError(f"{asked.source} has no pictures")
-        camera, told = _camera(source, first, asked.camera, place.info)
+        camera, origin = _camera(source, first, asked.camera, place.info)
         config = TrackerConfig().for_field(place.info)
         if asked.imu is None:
             tracker = Tracker(place, camera, config=config)
@@ -61,11 +61,11 @@ class TrackedCamera:
             unit, mount = asked.imu.of(source, asked.source)
             unit.check(first.time)
             tracker = Tracker(place, camera, mount=mount, config=config, inertial=unit)
-        return cls(place, source, chain([first], frames), tracker, told)
+        return cls(place, source, chain([first], frames), tracker, origin)
 
     @property
     def learned(self) -> dict[str, Any]:
-        """What was learned of the inertial measurement unit, for people; nothing without one."""
+        """Estimated biases of the inertial measurement unit, for people; nothing without one."""
         return describe_biases(self.tracker.motion)
 
     def events(self, pictures: bool = True) -> Iterator[JobEvent]:

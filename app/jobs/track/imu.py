@@ -16,13 +16,13 @@ from nerfnav.tracking.motions import CarrierMotion
 
 @dataclass(frozen=True)
 class GivenImu:
-    """That the source's unit is used, and what is known of it beside what the source says."""
+    """Use of the source's unit, with given data of it."""
 
     mount: tuple[float, ...] | None = None
     """T_imu_camera: x y z [m] and qx qy qz qw, the camera x right, y down, z ahead; None: as the source says."""
 
     def of(self, source: FrameSource, path: Path) -> tuple[InertialMotion, Pose]:
-        """What leads, and T_imu_camera. Raises InvalidInputError where the source has none, or no mount is known."""
+        """Motion model by the unit, and T_imu_camera. Raises InvalidInputError where the source lacks one of both."""
         inertial = source.inertial
         if inertial is None:
             raise InvalidInputError(
@@ -39,7 +39,7 @@ class GivenImu:
 
 
 def describe_biases(motion: CarrierMotion) -> dict[str, Any]:
-    """What was learned of a unit, for people: its biases, in `track --json`."""
+    """Estimated biases of a unit, for `track --json`."""
     if not isinstance(motion, InertialMotion):
         return {}
     if motion.last is None:

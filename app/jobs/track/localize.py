@@ -1,7 +1,7 @@
 """Localize job: global localization of a picture from a file, or of the last picture of the robot's own camera."""
 
-
 import time
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, Relocalisation, RelocaliseConfig, RelocaliseResult
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera, check_image
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
@@ -19,8 +19,9 @@ from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place, field_file
 
 
-def summary_of(step: RelocaliseStep) -> dict[str, Any]:
-    """What `localize --json` prints: the outcome, and the likeliest poses of the camera's carrier, best first."""
+def summary_of(result: RelocaliseResult) -> dict[str, Any]:
+    """Numbers of `localize --json`: the outcome, and the likeliest poses of the camera's carrier, best first."""
+    step = result.step
     poses = step.body_poses()
     found = [
         {
@@ -32,8 +33,7 @@ def summary_of(step: RelocaliseStep) -> dict[str, Any]:
         }
         for index in range(len(step.weights))
     ]
-    assert step.outcome is not None, "the last step of a search has its outcome"
-    return {"outcome": step.outcome.name.lower(), "advice": step.outcome.value, **found[0], "candidates": found}
+    return {"outcome": result.outcome.name.lower(), "advice": result.outcome.value, **found[0], "candidates": found}
 
 
 _AROUND = 0.5
@@ -42,27 +42,27 @@ _AROUND = 0.5
 
 @dataclass(frozen=True)
 class LocalizeRequest:
-    """What to find."""
+    """Request of a localization: field, picture and camera."""
 
     place: str
     """Name of a bundled scene, or path of a field."""
     image: Path
     """The picture."""
     camera: GivenCamera = field(default_factory=GivenCamera)
-    """What is known of its camera."""
+    """Given data of its camera."""
 
 
 def run(request: LocalizeRequest) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
     place = load_field(field_file(request.place))
     image = read_image(request.image, request.camera.aspect(place.info.camera))
-    camera, told = camera_of(image, request.camera, place.info.camera, request.image)
+    camera, origin = camera_of(image, request.camera, place.info.camera, request.image)
     found = yield from search(searcher_in(place, camera), image)
-    return replace(found, summary={**found.summary, "camera": told})
+    return replace(found, summary={**found.summary, "camera": origin})
 
 
 def searcher_in(field: StoredField, camera: Camera) -> GlobalLocalizer:
-    """What finds a camera in a field, by all that the field remembers."""
+    """Make the global localizer of a camera in a field, by all that the field remembers."""
     return GlobalLocalizer(
         field, camera, ColorNoise().measured(field.info.noise_std), RelocaliseConfig().for_field(field.info)
     )
@@ -76,13 +76,21 @@ def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
     for share in searcher.prepare():  # here, so that it is timed on its own
         yield Progress("looking around in the field", _AROUND * share)
     looks_s = time.perf_counter() - begun
-    begun, step = time.perf_counter(), None
-    for step in searcher.relocalise(image):
+    begun = time.perf_counter()
+    result = yield from _with_progress(searcher.relocalise(image))
+    yield result
+    seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
+    return JobResult(summary_of(result) | seconds)
+
+
+def _with_progress(search: Relocalisation) -> Generator[Any, Any, RelocaliseResult]:
+    while True:
+        try:
+            step = next(search)
+        except StopIteration as end:
+            return end.value
         yield step
         yield Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)
-    assert step is not None, "a search yields at least one step"
-    seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
-    return JobResult(summary_of(step) | seconds)
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:

@@ -1,6 +1,5 @@
 """Track job: estimate the trajectory of a camera from its pictures, and report on its frames."""
 
-
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,7 +19,7 @@ from nerfnav_app.storage.output_files import prepare_folder, write_text
 
 
 def summary_of(track: list[TrackedFrame]) -> dict[str, Any]:
-    """What `track --json` prints: how many frames, and what became of them; times are of updates."""
+    """Numbers of `track --json`: frames by status, and the times of updates."""
     times = [tracked.ms for tracked in track if tracked.status is TrackStatus.FOLLOWED]
     low, high = np.quantile(times, (0.5, 0.95)).tolist() if times else (None, None)
     known = [False, *(tracked.status.knows for tracked in track)]
@@ -41,21 +40,21 @@ def _found_at_once(track: list[TrackedFrame]) -> int:
 
 _OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0
-"""How fast an overlay is played whose source does not tell its rate."""
+"""Rate of an overlay whose source does not give one [1/s]."""
 
 
 @dataclass(frozen=True)
 class TrackRequest:
-    """What to track."""
+    """Request of a track: field, camera and folder."""
 
     place: str
     """Name of a bundled scene, or path of a field."""
     camera: CameraRun
-    """What it saw, and what is known of it."""
+    """Its pictures, and given data of it."""
     out: Path
     """Folder for the results."""
     pictures: bool = True
-    """Whether the overlay and the recording are written, which hold pictures."""
+    """Write the overlay and the recording, which hold pictures."""
 
 
 def run(request: TrackRequest) -> JobEvents:
@@ -64,7 +63,7 @@ def run(request: TrackRequest) -> JobEvents:
     Raises NerfnavError for what cannot be tracked; what was tracked before a source broke off is written all the same.
     """
     place = load_field(field_file(request.place))
-    following = TrackedCamera.begun(place, request.camera)
+    following = TrackedCamera.begin(place, request.camera)
     out = prepare_folder(request.out)
     track: list[TrackedFrame] = []
     broken: InvalidInputError | None = None
@@ -86,20 +85,20 @@ def run(request: TrackRequest) -> JobEvents:
         kept = f"; what was tracked until then is in {out}" if track else ""
         raise InvalidInputError(f"{broken}{kept}")
     pictures = (out / _OVERLAY, out / _RECORDING) if request.pictures else ()
-    told = {"camera": following.told, "frame": _frame_in_words(place.info), **following.learned}
+    about = {"camera": following.camera_origin, "frame": _frame_in_words(place.info), **following.learned}
     written = (*files, *pictures)
-    return JobResult({**summary_of(track), **told, "files": [str(path) for path in written]}, written)
+    return JobResult({**summary_of(track), **about, "files": [str(path) for path in written]}, written)
 
 
 def watch(place: StoredField, asked: CameraRun) -> JobEvents:
     """Yield every frame as it is tracked in an open place; return the numbers of `track --json`. Writes nothing."""
     yield Progress("looking around in the field", 0.0)
-    following, track = TrackedCamera.begun(place, asked), []
+    following, track = TrackedCamera.begin(place, asked), []
     for event in following.events():
         if isinstance(event, FrameTracked):
             track.append(event.tracked)
         yield event
-    return JobResult({**summary_of(track), "camera": following.told})
+    return JobResult({**summary_of(track), "camera": following.camera_origin})
 
 
 def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecorder]:

@@ -1,32 +1,42 @@
 """HTML snippets: legends, tables and notes that several panels use. All text is escaped here."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
 from nerfnav_app.page.kit.theme import HIT, MUTED, START, Rgb, css, on_scale, readable
 
+
+@dataclass(frozen=True)
+class LegendEntry:
+    """Entry of a legend: a colour and its meaning."""
+
+    color: Rgb
+    meaning: str
+
+
 _PADDING = "padding: 0 0.75em 0.5em 0.75em; font-size: 0.8125em; line-height: 1.45; text-wrap: pretty;"
 
 
 def note(text: str) -> str:
-    """A quiet remark."""
+    """Format a remark in the muted colour."""
     return f'<div style="{_PADDING} color: {MUTED}">{escape(text)}</div>'
 
 
 def warning(text: str) -> str:
-    """A remark that must be seen."""
+    """Format a warning in the colour of hits."""
     return f'<div style="{_PADDING} color: {readable(HIT)}">{escape(text)}</div>'
 
 
 def fine(text: str) -> str:
-    """A remark that all is well."""
+    """Format good news in the colour of the start."""
     return f'<div style="{_PADDING} color: {readable(START)}">{escape(text)}</div>'
 
 
 def heading(title: str, text: str = "") -> str:
-    """A title, with a quiet line below it where there is a text."""
+    """Format a title, with a muted line below it where there is a text."""
     below = f'<div style="color: {MUTED}; font-size: 0.8125em">{escape(text)}</div>' if text else ""
     return (
         f'<div style="padding: 0.25em 0.75em {0.5 if text else 0.1}em 0.75em; line-height: 1.4">'
@@ -35,7 +45,7 @@ def heading(title: str, text: str = "") -> str:
 
 
 def table(rows: Iterable[tuple[str, ...]]) -> str:
-    """Names on the left, values with their units on the right; a third text is the term of the field, as a tooltip."""
+    """Format rows of name and value with its unit; a third text is a tooltip with the technical term."""
     cells = "".join(
         f'<div style="color: {MUTED}"{_tooltip(*term)}>{escape(name)}</div>'
         f'<div style="text-align: right; font-variant-numeric: tabular-nums"{_tooltip(*term)}>{escape(value)}</div>'
@@ -49,7 +59,7 @@ def _tooltip(text: str = "") -> str:
 
 
 def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Names on the left, several values beside each other, under a head of as many columns."""
+    """Format rows of a name and several values under a head of as many columns."""
     cells = "".join(f'<div style="text-align: right; font-weight: 600">{escape(name)}</div>' for name in head[1:])
     cells = f'<div style="color: {MUTED}">{escape(head[0])}</div>{cells}'
     for name, *values in rows:
@@ -63,22 +73,22 @@ def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def scale(low: float, high: float, of: str) -> str:
-    """A bar in the colours of the scale, with what its ends mean."""
+    """Format a bar in the colours of the scale, with the values at its ends."""
     colors = ", ".join(css((r, g, b)) for r, g, b in on_scale(np.linspace(0, 1, 9)).tolist())
     return (
         f'<div style="{_PADDING} color: {MUTED}"><div style="height: 0.6em; border-radius: 0.3em; '
         f'background: linear-gradient(to right, {colors})"></div><div style="display: flex; '
-        f'justify-content: space-between"><span>{low:g}</span><span>{escape(of)}</span><span>{high:g} and more</span>'
+        f'justify-content: space-between"><span>{low:g}</span><span>{escape(of)}</span><span>≥ {high:g}</span>'
         "</div></div>"
     )
 
 
-def legend(entries: Iterable[tuple[Rgb, str]]) -> str:
-    """A coloured dot for each meaning."""
+def legend(entries: Iterable[LegendEntry]) -> str:
+    """Format a coloured dot for each meaning."""
     items = "".join(
         f'<span style="white-space: nowrap; margin-right: 0.9em; display: inline-block">'
         f'<span style="display: inline-block; width: 0.65em; height: 0.65em; border-radius: 50%; '
-        f'background: {css(color)}; margin-right: 0.4em"></span>{escape(meaning)}</span>'
-        for color, meaning in entries
+        f'background: {css(entry.color)}; margin-right: 0.4em"></span>{escape(entry.meaning)}</span>'
+        for entry in entries
     )
     return f'<div style="{_PADDING} color: {MUTED}">{items}</div>'

@@ -1,4 +1,4 @@
-"""Panel protocol: a part of the page in words and widgets, made on a page and shown each session."""
+"""Panel protocol: a part of the page with widgets and texts that shows each session."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,34 +12,34 @@ from nerfnav_app.state.session import Session
 
 
 class Panel(Protocol):
-    """A part of the page in words and widgets."""
+    """A part of the page: widgets and texts, or nodes of the 3D scene."""
 
     def show(self, session: Session) -> None:
-        """Show the session, by changing what has changed."""
+        """Show the session: update what has changed."""
         ...
 
 
 @dataclass(frozen=True)
 class Page:
-    """What panels are made of."""
+    """Context of a panel: the server, the session's inbox and the library."""
 
     server: viser.ViserServer
-    """Takes the widgets."""
+    """Server of the widgets."""
     post: Callable[[Command], None]
-    """Takes what the user asks."""
+    """Inbox for the user's commands."""
     library: PlaceLibrary
-    """Takes the files that the user brings, and keeps their places."""
+    """Store of uploaded files and their places."""
 
 
 @dataclass(frozen=True)
 class PanelEntry:
-    """A panel, and its place on the page."""
+    """Registry entry of a panel: its maker and its tab."""
 
     name: str
-    """What errors call it."""
+    """Its name in errors."""
     make: Callable[[Page], Panel]
-    """Puts up its widgets, and gives what shows the session in them."""
+    """Add its widgets to the page, and return the panel."""
     tab: str | None = None
-    """Title of the tab that it is in, below the panels that are there already; None: above all tabs, always seen."""
+    """Title of its tab, below the panels registered before it; None: above all tabs, always visible."""
     icon: viser.IconName | None = None
-    """Of the tab, where this panel is the first in it."""
+    """Icon of the tab, where this panel is its first."""

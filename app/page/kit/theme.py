@@ -12,7 +12,7 @@ from nerfnav.geometry import to_linear
 
 Rgb = tuple[int, int, int]
 
-# told apart in pairs, by deuteranopes too, and from the axes of viser's gizmos: tests/app/page/kit/test_theme.py
+# pairwise distinct, for deuteranopes too, and from the axes of viser's gizmos: see tests/app/page/kit/test_theme.py
 BRAND: Rgb = (81, 56, 243)
 START: Rgb = (75, 208, 198)
 GOAL: Rgb = (212, 26, 191)
@@ -25,9 +25,9 @@ HIT: Rgb = (228, 68, 60)
 OTHER_TRUTH: Rgb = (196, 236, 255)
 OTHER_PLAN: Rgb = (255, 246, 180)
 CLEARANCE_CM = (0.0, 20.0)
-"""Clearance at the two ends of the scale [cm]: what has more room than that is well clear."""
+"""Clearance at the two ends of the scale [cm]; more than that is well clear."""
 SCALE: tuple[Rgb, ...] = ((255, 245, 140), (250, 155, 50), (205, 95, 130), (95, 105, 235))
-"""Low to high: the less room the brighter, from yellow by orange to blue, which deuteranopes tell apart too."""
+"""Low to high: the less clearance the brighter, from yellow by orange to blue, distinct for deuteranopes too."""
 MUTED = "light-dark(#5a6070, #9aa0ae)"
 """Of secondary text."""
 _NIGHT_TOP: Rgb = (38, 43, 56)
@@ -40,29 +40,29 @@ _PANEL_WIDTH = 340.0  # [pixels]
 
 
 def linear(color: Rgb | np.ndarray) -> np.ndarray:
-    """sRGB bytes as linear bytes: what viser wants where it takes an array of colours."""
+    """Convert sRGB bytes to linear bytes: viser takes arrays of colours as linear."""
     return np.round(255 * to_linear(np.asarray(color, dtype=np.float64) / 255)).astype(np.uint8)
 
 
 def on_scale(shares: np.ndarray) -> np.ndarray:
-    """Colours (n, 3), sRGB bytes, of shares (n,) of the scale, 0 to 1; what is beyond has the colour of its end."""
+    """Map shares (n,) of the scale, 0 to 1, to colours (n, 3) in sRGB bytes, clamped at its ends."""
     stops = np.linspace(0, 1, len(SCALE))
     rows = [np.interp(shares, stops, channel) for channel in zip(*SCALE, strict=True)]
     return np.round(np.stack(rows, -1)).astype(np.uint8)
 
 
 def css(color: Rgb) -> str:
-    """The colour as CSS has it."""
+    """Format a colour as CSS."""
     return "#{:02x}{:02x}{:02x}".format(*color)
 
 
 def readable(color: Rgb) -> str:
-    """The colour as CSS, for text: darker where panels are light."""
+    """Format a colour as CSS for text: darker where panels are light."""
     return f"light-dark(color-mix(in srgb, {css(color)} 60%, black), {css(color)})"
 
 
 def branded(page: bytes) -> bytes:
-    """viser's page under the app's name and with its icon, its own style, help and scripts (page.*, software_gl.js)."""
+    """Brand viser's page: the app's name, icon, style, help and scripts (page.*, software_gl.js)."""
     page = page.replace(b"<title>Viser</title>", b"<title>nerfnav</title>", 1)
     icon = b'<link rel="icon" href="' + _data_url("favicon.svg").encode() + b'" />'
     page = re.sub(rb'<link\s+rel="icon"[^>]*?/?>', lambda _: icon, page, count=1)
@@ -74,12 +74,12 @@ def branded(page: bytes) -> bytes:
 
 
 def _beside(name: str) -> bytes:
-    """A file that lies beside this one."""
+    """Read a file of the package `page`."""
     return (files("nerfnav_app.page") / name).read_bytes()
 
 
 def _data_url(image: str) -> str:
-    """A picture that lies beside this file."""
+    """Encode a picture of the package `page` as a data URL."""
     return "data:image/svg+xml;base64," + base64.b64encode(_beside(image)).decode()
 
 
@@ -109,7 +109,7 @@ def apply_brightness(server: viser.ViserServer, light: bool) -> None:
 
 
 def night(rows: int = 256) -> np.ndarray:
-    """A still, dark gradient behind the scene."""
+    """Draw the dark gradient behind the scene, (rows, rows, 3) bytes."""
     share = np.linspace(0, 1, rows)[:, None, None]
     column = (1 - share) * np.array(_NIGHT_TOP) + share * np.array(_NIGHT_BOTTOM)
     return np.round(np.broadcast_to(column, (rows, rows, 3))).astype(np.uint8)

@@ -1,9 +1,8 @@
-"""Widgets that several panels use: a binding, a choice list, a dialog.
+"""Widgets that several panels use: a binder, a choice list, a dialog.
 
-A binder turns a widget's value into a message about that one number of the settings. A choice list takes one of
-several names: robots, planners, estimators. The dialog asks whether something is to be deleted for good.
+A binder turns a widget's value into a command that changes one number of the settings. A choice list selects a robot,
+a planner or an estimator. The dialog confirms a deletion.
 """
-
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -20,14 +19,14 @@ from nerfnav_app.text import capital
 
 
 class Binder:
-    """Binds the widgets of one kind of settings."""
+    """Binder of widgets to one kind of settings."""
 
     def __init__(self, settings: Settings, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Bind to these settings; `post` takes the commands."""
         self._settings, self._post = settings, post
 
     def __call__(self, widget: Any, name: str, read: Callable[[Any], Any]) -> None:
-        """Let `widget` set the field `name`; `read` makes the field's value of the widget's."""
+        """Let `widget` set the field `name`; `read` converts the widget's value to that of the field."""
 
         async def take(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:  # else the session wrote it
@@ -38,28 +37,27 @@ class Binder:
 
 _LABELS = {
     "planner": {
-        "fast": "quick",
-        "paper": "as in the paper, slow",
-        "minsnap": "minimum snap",
-        "rrt": "random tree (RRT)",
+        "paper": "paper (slow)",
+        "minsnap": "minsnap (minimum snap)",
+        "rrt": "rrt (random tree)",
     },
-    "estimator": {"fast": "quick", "paper": "as in the paper, slow"},
+    "estimator": {"paper": "paper (slow)"},
 }
-"""What people read in place of a name; names that are not here are read as they are."""
+"""Labels of names; other names are their own labels."""
 
 
 def format_name(name: str) -> str:
-    """A name as people read it: of a robot's file no more than what it is called."""
+    """Format the name of a robot: of a file its stem alone."""
     return Path(name).stem if robots.is_file(name) else name
 
 
 class ChoiceList:
-    """The dropdown of one field of `Choice`."""
+    """Dropdown of one field of `Choice`."""
 
     def __init__(
         self, server: viser.ViserServer, field: str, names: Iterable[str], hint: str, post: Callable[[Command], None]
     ) -> None:
-        """`field` is the name of the field, whose values are among `names`; `post` takes what the user asks."""
+        """Add the dropdown of the field `field`, whose values are `names`; `post` takes the commands."""
         self._field, self._post = field, post
         self._session: Session | None = None
         labels = _LABELS.get(field, {})
@@ -75,7 +73,7 @@ class ChoiceList:
             self._post(Choose(replace(self._session.choice, **{self._field: self._names[str(self._list.value)]})))
 
     def show(self, session: Session) -> None:
-        """Show what is chosen."""
+        """Show the selected name."""
         self._session = session
         chosen = getattr(session.choice, self._field)
         if chosen not in self._labels:  # the robot of a file, by which a stored flight was flown
@@ -86,7 +84,7 @@ class ChoiceList:
 
 
 def confirm_deletion(client: viser.ClientHandle, what: str, warning: str, really: Callable[[], None]) -> None:
-    """Ask the one who wants it; `what` is "this flight", `warning` says what is lost.
+    """Ask for a confirmation in the tab that deletes; `what` is "this flight", `warning` names what is lost.
 
     `really` is called on a thread of the server's pool.
     """

@@ -15,7 +15,7 @@ _EDGES = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
 
 
 class AlignmentLayer:
-    """Shows what the place is to be put right by."""
+    """Layer of the points, lines and box of the alignment that is being entered."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -23,29 +23,29 @@ class AlignmentLayer:
         self._size: float | None = None
 
     def show(self, session: Session) -> None:
-        """Draw points, lines and box; nothing is put up before there is something to draw."""
-        placing, place = session.placing, session.place
+        """Draw points, lines and box; nodes are added once there is something to draw."""
+        draft, place = session.alignment, session.place
         size = None if place is None else float(place.field.box.size.max())
-        if size != self._size:  # another place, which lines of another thickness suit
+        if size != self._size:  # another place needs lines of another thickness
             for line in self._lines.values():
                 line.show(None)
             self._lines, self._size = {}, size
         if size is None:
             return
-        box = None if placing.kept is None else edges_of(placing.kept)
-        self._draw("measured", START, size, crosses(placing.measured, _CROSS * size))
-        self._draw("floor", GOAL, size, crosses(placing.floor, _CROSS * size))
+        box = None if draft.kept is None else edges_of(draft.kept)
+        self._draw("measured", START, size, crosses(draft.measured, _CROSS * size))
+        self._draw("floor", GOAL, size, crosses(draft.floor, _CROSS * size))
         self._draw("kept", CANDIDATE, size, box)
 
     def _draw(self, name: str, color: Rgb, size: float, lines: np.ndarray | None) -> None:
         if name not in self._lines and lines is not None:
-            self._lines[name] = Fan(self._server, f"/placing/{name}", color, _THICKNESS * size)
+            self._lines[name] = Fan(self._server, f"/alignment/{name}", color, _THICKNESS * size)
         if name in self._lines:
             self._lines[name].show(lines)
 
 
 def crosses(points: tuple[Vector, ...], reach: float) -> np.ndarray | None:
-    """Segments (n, 2, 3) [m] of a cross of axes at each point, and of the lines that join them; None without points."""
+    """Build segments (n, 2, 3) [m] of a cross at each point and of the lines that join them; None without points."""
     if not points:
         return None
     at = np.array(points)
@@ -56,7 +56,7 @@ def crosses(points: tuple[Vector, ...], reach: float) -> np.ndarray | None:
 
 
 def edges_of(box: tuple[Vector, Vector]) -> np.ndarray:
-    """The edges of a box as segments (12, 2, 3) [m]."""
+    """Build the edges of a box as segments (12, 2, 3) [m]."""
     lower, upper = (np.array(corner) for corner in box)
     corners = lower + _CORNERS * (upper - lower)
     return np.array([[corners[first], corners[second]] for first, second in _EDGES])

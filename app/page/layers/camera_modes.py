@@ -1,4 +1,4 @@
-"""Camera modes: cameras that go with the robot, behind it, its own, and from above."""
+"""Camera modes: chase camera, the robot's own camera, and the view from above."""
 
 import numpy as np
 import viser
@@ -14,7 +14,7 @@ _BEHIND, _OVER, _AHEAD = 7.0, 3.0, 10.0  # of the chase camera, in body lengths
 
 
 class CameraModesLayer:
-    """Moves the cameras of all tabs with the robot that is shown, or with the start where nothing has flown."""
+    """Layer that moves the cameras of all tabs with the shown robot, or with the start where nothing has flown."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -22,7 +22,7 @@ class CameraModesLayer:
         self._shown: object = None
 
     def show(self, session: Session) -> None:
-        """Look from where the session wants; a free camera is put back once, and then left alone."""
+        """Set the camera of the mode; a free camera is reset once, and then left alone."""
         place, mode = session.place, session.view_settings.camera
         if place is None:
             return
@@ -45,7 +45,7 @@ class CameraModesLayer:
 
 
 def compute_view(mode: CameraMode, state: RigidState, robot: Robot, box: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Where the camera of a mode is, and what it looks at, both (3,) [m]."""
+    """Compute eye and target of a mode's camera, both (3,) [m]."""
     at = state.position.detach().double().numpy()
     forward = state.rotation.detach().double().numpy()[:, 0]
     length = 2 * robot.body.radius

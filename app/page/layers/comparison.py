@@ -8,15 +8,15 @@ from nerfnav.robots import RigidState
 from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
 from nerfnav_app.page.layers.nodes import Bodies, Line, positions, quaternions
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.runs import StoredFlight
 from nerfnav_app.state.session import Session
 
-_NOBODY = np.zeros((0, 3)), np.zeros((0, 4))
+_NO_BODY = np.zeros((0, 3)), np.zeros((0, 4))
 
 
 class ComparisonLayer:
-    """Shows the flight that the session compares with, in another shade."""
+    """Layer of the second flight of a comparison, in another shade."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -41,11 +41,11 @@ class ComparisonLayer:
             under_way = compared is not None and 0 < len(steps) < len(compared.record.steps)
             self._plan.show(positions(steps[-1].plan.states) if steps and under_way else None)
             last = RigidState.stack([step.truth for step in steps[-1:]]) if steps else None
-            self._robot.show(*((positions(last), quaternions(last)) if last is not None else _NOBODY))
+            self._robot.show(*((positions(last), quaternions(last)) if last is not None else _NO_BODY))
 
 
 def steps_until(compared: StoredFlight | None, shown: FlightRecord | None) -> tuple[NavigationStep, ...]:
-    """The steps of the second flight up to the time that the first one shows; all where there is no first one."""
+    """Cut the second flight at the time that the first one shows; all steps without a first one."""
     if compared is None:
         return ()
     steps = compared.record.steps

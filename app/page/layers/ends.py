@@ -1,4 +1,4 @@
-"""Start and goal: a body to drag about, with its name."""
+"""Start and goal: a gizmo with the robot's body and a label each."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from nerfnav_app.page.kit.theme import GOAL, HIT, START
 from nerfnav_app.page.layers.nodes import Fan, drops, yaw_quaternion
 from nerfnav_app.page.layers.shapes import body_shape
 from nerfnav_app.places.ends import End, EndRole
-from nerfnav_app.state.actions import Command, MoveEnd, Point
+from nerfnav_app.state.actions import ClickScene, Command, MoveEnd
 from nerfnav_app.state.session import Session
 
 GIZMO = 0.24
@@ -23,19 +23,19 @@ _COLORS = {EndRole.START: START, EndRole.GOAL: GOAL}
 
 
 class EndsLayer:
-    """Shows start and goal once the place is open."""
+    """Layer of start and goal once the place is open."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user drags, and where the user clicks."""
+        """Listen to clicks into the scene; `post` takes moves and clicks."""
         self._server, self._post = server, post
         self._handles: dict[EndRole, _Handle] = {}
 
         @server.scene.on_click()
         def _(event: viser.SceneClickEvent) -> None:
-            post(Point(_vector(event.ray_origin), _vector(event.ray_direction)))
+            post(ClickScene(_vector(event.ray_origin), _vector(event.ray_direction)))
 
     def show(self, session: Session) -> None:
-        """Put the handles where start and goal are."""
+        """Move the gizmos to start and goal."""
         if session.place is None or session.seeking:
             for handle in self._handles.values():
                 handle.hide()
@@ -51,7 +51,7 @@ class EndsLayer:
 
 
 def gizmo_size(session: Session) -> float:
-    """Size of the arrows [m], by factors of two, that suits the view: as wide as start and goal are apart at first.
+    """Compute the size of the arrows [m] from the first distance of start and goal, rounded to a power of two.
 
     It does not change while an end is dragged.
     """
@@ -64,7 +64,7 @@ def gizmo_size(session: Session) -> float:
 
 
 class _Handle:
-    """One end: a gizmo with the robot's body and a label."""
+    """Gizmo of one end."""
 
     def __init__(
         self, server: viser.ViserServer, which: EndRole, robot: Robot, post: Callable[[Command], None]
@@ -94,19 +94,19 @@ class _Handle:
         self._gizmo.on_update(self._moved)
 
     def stand_on(self, floor: float) -> None:
-        """Draw how high the end is above the height `floor` [m]."""
+        """Draw the drop line to the height `floor` [m]."""
         if (self._end, floor) != self._drop_to:
             self._drop_to = self._end, floor
             self._drop.show(drops(np.zeros((1, 3)), floor - self._end.position[2]))
 
     def size(self, gizmo: float) -> None:
-        """Let the arrows be of this size [m]."""
+        """Set the size of the arrows [m]."""
         if self._gizmo.scale != gizmo:
             self._gizmo.scale = gizmo
             self._label.position = (0, 0, 1.1 * gizmo)
 
     def hide(self) -> None:
-        """Show nothing, while nobody knows where the end is."""
+        """Hide it while the end is unknown."""
         self._gizmo.visible = False
 
     def shape(self, robot: Robot) -> None:
@@ -124,7 +124,7 @@ class _Handle:
         self._post(MoveEnd(self._which, End(_vector(event.target.position), self._end.yaw), held=self._dragged))
 
     def show(self, end: End, blocked: bool) -> None:
-        """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""
+        """Move it to `end`, unless a user drags it: the hand is ahead of the session."""
         self._end = end
         self._gizmo.visible = True
         if not self._dragged and math.dist(self._gizmo.position, end.position) > 1e-6:

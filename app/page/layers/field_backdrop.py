@@ -13,7 +13,7 @@ from nerfnav_app.state.view import Backdrop, CameraMoved, Eye, TabClosed
 
 
 class FieldBackdropLayer:
-    """Tells the session from where each tab looks while that matters, and puts up what comes back."""
+    """Layer of the rendered field: reports the cameras of tabs while it is shown, and shows the renderings."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes the cameras of tabs."""
@@ -33,7 +33,7 @@ class FieldBackdropLayer:
         self._post(TabClosed(client.client_id))
 
     def show(self, session: Session) -> None:
-        """Put up the last rendering of each tab, or the common backdrop again."""
+        """Show the last rendering of each tab, or restore the common backdrop."""
         wanted = session.view_settings.backdrop is Backdrop.RENDER
         clients = self._server.get_clients()
         if wanted and not self._watching:
@@ -54,7 +54,7 @@ class FieldBackdropLayer:
 
 
 def eye_of(camera: viser.CameraHandle) -> Eye:
-    """From where a tab looks."""
+    """Convert the camera of a tab."""
     x, y, z = np.asarray(camera.position, np.float64).tolist()
     qw, qx, qy, qz = np.asarray(camera.wxyz, np.float64).tolist()
     return Eye((x, y, z), (qw, qx, qy, qz), float(camera.fov), float(camera.aspect))

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class FieldSurfaceLayer:
-    """Shows the field's surface, unlit, as its light is in its colours."""
+    """Layer of the field's surface, unlit: the colours contain the light."""
 
     def __init__(self, server: viser.ViserServer, surface: bytes | None = None) -> None:
-        """With `surface`, that is there at once, before there is a session."""
+        """Show `surface` at once, before there is a session."""
         self.server = server
         self._shown: tuple[bytes | None, float, float] | None = None
         self._node: viser.GlbHandle | None = None
@@ -32,11 +32,11 @@ class FieldSurfaceLayer:
 
     @property
     def surface(self) -> bytes | None:
-        """What is shown."""
+        """The surface that is shown now, as binary glTF."""
         return None if self._shown is None else self._shown[0]
 
     def show(self, session: "Session") -> None:
-        """Add the surface once it is there, and look at the box once it is known."""
+        """Add the surface once it is extracted, and look at the box once it is known."""
         if session.place is not None:
             box = session.place.field.box
             self._frame((box.lower.tolist(), box.upper.tolist()))
@@ -70,7 +70,7 @@ class FieldSurfaceLayer:
 
 
 def first_view(box: tuple[Corner, Corner]) -> View:
-    """From where all of a box between two corners [m] is seen."""
+    """Compute the view of all of a box between two corners [m]."""
     return view_of_box(_point(box[0]), _point(box[1]))
 
 
@@ -80,7 +80,7 @@ def _point(corner: Corner) -> tuple[float, float, float]:
 
 
 def look(server: viser.ViserServer, view: View) -> None:
-    """Let everyone look from there, and all who come later."""
+    """Set the camera of all tabs, and of those that open later."""
     eye, target = view
     server.initial_camera.position = eye
     server.initial_camera.look_at = target

@@ -9,7 +9,7 @@ from nerfnav.robots import RigidState, Robot
 from nerfnav_app.page.kit.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
 from nerfnav_app.page.layers.shapes import ball, body_shape, cone, ellipsoids, robot_shape
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import number
 
@@ -19,7 +19,7 @@ _PAST = 5  # earlier plans that are still drawn
 
 
 class FlightLayer:
-    """Shows true path, estimated path with its covariances, and the plan of the moment."""
+    """Layer of the true path, the estimated path with its covariances, and the current plan."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -30,7 +30,7 @@ class FlightLayer:
         unit = ball()
         self._covariance = Bodies(server, "/flight/covariance", unit, BELIEF, opacity=0.3)
         self._lost = Bodies(server, "/flight/lost", unit, BELIEF, opacity=_FAINT)
-        self._told = server.scene.add_label("/flight/lost/label", "", visible=False, anchor="bottom-center")
+        self._size_label = server.scene.add_label("/flight/lost/label", "", visible=False, anchor="bottom-center")
         self._means = Bodies(server, "/flight/means", unit, BELIEF, opacity=None)
         self._nose = Fan(server, "/flight/attitude", BELIEF, 0.004)
         self._hits = Bodies(server, "/flight/hits", unit, HIT, opacity=0.9)
@@ -64,7 +64,7 @@ class FlightLayer:
             self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
             self._show_covariances([step.belief for step in steps], scale, _size(session))
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
-            # dots, for a good estimate's line lies within the line of the truth
+            # dots: the line of a good estimate lies within the line of the truth
             self._means.show(*_balls(believed, radius=0.014))
             self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
             self._hits.show(*_balls(true[[step.touched for step in steps]], radius=0.025))
@@ -73,16 +73,16 @@ class FlightLayer:
             self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))
 
     def _show_covariances(self, beliefs: list[Belief], scale: float, size: float) -> None:
-        """The 95 % regions; of those too large for the place, `size` [m], the last alone: faint, with its size."""
+        """Draw the 95 % regions; of those too large for a place of `size` [m] the last alone, with its half axis."""
         centers, wxyzs, half = ellipsoids(beliefs)
         sure = half.max(-1, initial=0) <= _LARGEST * size
         self._covariance.show(centers[sure], wxyzs[sure], scale * half[sure])
         lost = slice(-1, None) if beliefs and not sure[-1] else slice(0, 0)
         self._lost.show(centers[lost], wxyzs[lost], np.minimum(half[lost], _LARGEST * size))
-        self._told.visible = bool(beliefs) and not sure[-1]
-        if self._told.visible:
-            self._told.text = f"position uncertain by {number(half[-1].max(), 'm', digits=2)}"
-            self._told.position = tuple(centers[-1].tolist())
+        self._size_label.visible = bool(beliefs) and not sure[-1]
+        if self._size_label.visible:
+            self._size_label.text = f"position ± {number(half[-1].max(), 'm', digits=2)}"
+            self._size_label.position = tuple(centers[-1].tolist())
 
 
 def _size(session: Session) -> float:
@@ -91,7 +91,7 @@ def _size(session: Session) -> float:
 
 
 def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndarray | None:
-    """Segments (3 n, 2, 3) [m] of an arrow for each gust, from where the robot was to be to where it was blown."""
+    """Build segments (3 n, 2, 3) [m] of an arrow for each gust, from the planned to the true position."""
     made = []
     for index in gusts:
         if not 0 < index < len(steps) or len(steps[index - 1].plan.states.position) < 2:
@@ -107,7 +107,7 @@ def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndar
 
 
 def _centers(states: list[RigidState]) -> np.ndarray:
-    """Positions of separate states (n, 3) [m]."""
+    """Stack the positions of separate states (n, 3) [m]."""
     return np.array([state.position.detach().numpy() for state in states], np.float32).reshape(-1, 3)
 
 

@@ -1,4 +1,4 @@
-"""Scene nodes that several layers use: lines through states, bodies, and the arrays that they are made of."""
+"""Scene nodes that several layers use: lines through states, bodies, and the arrays of their vertices."""
 
 import numpy as np
 import viser
@@ -9,51 +9,51 @@ from nerfnav_app.page.kit.theme import Rgb, linear
 from nerfnav_app.page.layers.shapes import Shape
 
 THROUGH = "/through"
-"""How the name of a node ends that page.js draws over everything, faintly."""
-_SOMEWHERE = np.zeros((1, 2, 3), dtype=np.float32)
+"""Suffix of nodes that page.js draws over everything, faintly."""
+_PLACEHOLDER = np.zeros((1, 2, 3), dtype=np.float32)
 
 
 def positions(states: RigidState) -> np.ndarray:
-    """Positions of a sequence of states (n, 3) [m]."""
+    """Convert the positions of a sequence of states to (n, 3) [m]."""
     return states.position.detach().numpy().astype(np.float32)
 
 
 def quaternions(states: RigidState) -> np.ndarray:
-    """Attitudes of a sequence of states as (w, x, y, z), (n, 4)."""
+    """Convert the attitudes of a sequence of states to (w, x, y, z), (n, 4)."""
     return tf.SO3.from_matrix(states.rotation.detach().double().numpy()).wxyz.astype(np.float32)
 
 
 def yaw_quaternion(yaw: float) -> np.ndarray:
-    """A heading [rad] as (w, x, y, z)."""
+    """Convert a heading [rad] to (w, x, y, z)."""
     return tf.SO3.from_z_radians(yaw).wxyz
 
 
 def segments(points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) of a line as its n - 1 segments (n - 1, 2, 3)."""
+    """Cut a line through points (n, 3) into its segments (n - 1, 2, 3)."""
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
 def dashes(points: np.ndarray, count: int = 20) -> np.ndarray:
-    """A line through points (n, 3) as so many dashes of equal length, with gaps as long (count, 2, 3)."""
+    """Cut a line through points (n, 3) into dashes (count, 2, 3) of equal length, with gaps as long."""
     along = np.r_[0.0, np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()]
     at = np.linspace(0, along[-1], 2 * count)
     return np.stack([np.interp(at, along, axis) for axis in points.T], -1).reshape(count, 2, 3)
 
 
 def drops(points: np.ndarray, floor: float) -> np.ndarray:
-    """Vertical segments (n, 2, 3) [m] from points (n, 3) [m] to the height `floor` [m]: they tell how high one is."""
+    """Build vertical segments (n, 2, 3) [m] from points (n, 3) [m] down to the height `floor` [m]."""
     feet = points.copy()
     feet[:, 2] = floor
     return np.stack([points, feet], axis=1)
 
 
 class Line:
-    """A line through points, in one colour; hidden while there are fewer than two points."""
+    """A polyline in one colour; hidden while there are fewer than two points."""
 
     def __init__(
         self, server: viser.ViserServer, name: str, color: Rgb, thickness: float, through: bool = False
     ) -> None:
-        """`thickness` is in metres; `through`: whether the line is seen, faintly, through what hides it."""
+        """Add it with a thickness [m]; with `through` it is also drawn, faintly, over what hides it."""
         names = (name, name + THROUGH) if through else (name,)
         self._fans = [Fan(server, each, color, thickness) for each in names]
 
@@ -67,15 +67,15 @@ class Line:
 
 
 class Fan:
-    """Lines that begin where they like, in one colour, or each in its own."""
+    """Separate line segments, in one colour or each in its own."""
 
     def __init__(self, server: viser.ViserServer, name: str, color: Rgb | None, thickness: float) -> None:
-        """`thickness` is in metres; without a `color` each line has its own: pages cannot go from one to the other."""
+        """Add them with a thickness [m]; without a `color` each has its own: a page cannot switch between both."""
         first = np.zeros((1, 2, 3), np.uint8) if color is None else np.array(color, np.uint8)
-        self._node = server.scene.add_line_segments(name, _SOMEWHERE, first, thickness=thickness, visible=False)
+        self._node = server.scene.add_line_segments(name, _PLACEHOLDER, first, thickness=thickness, visible=False)
 
     def show(self, lines: np.ndarray | None, color: Rgb | np.ndarray | None = None) -> None:
-        """Draw segments (n, 2, 3) [m], or nothing; `color` is one for each of them (n, 3) where they differ."""
+        """Draw segments (n, 2, 3) [m], or nothing; an array `color` (n, 3) has one for each of them."""
         if lines is not None and len(lines):
             self._node.points = lines.astype(np.float32)
             if isinstance(color, np.ndarray):
@@ -86,13 +86,13 @@ class Fan:
 
 
 class Trail:
-    """Earlier lines, the older the fainter."""
+    """Lines of earlier trajectories, the older the fainter."""
 
     def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
-        """`thickness` is in metres."""
+        """Add it with a thickness [m]."""
         self._color = color
         self._node = server.scene.add_line_segments(
-            name, _SOMEWHERE, np.zeros((1, 2, 3), np.uint8), thickness=thickness, visible=False
+            name, _PLACEHOLDER, np.zeros((1, 2, 3), np.uint8), thickness=thickness, visible=False
         )
 
     def show(self, motions: tuple[Motion, ...]) -> None:
@@ -110,11 +110,9 @@ class Trail:
 
 
 class Bodies:
-    """Many bodies of one shape, such as those along a plan."""
+    """Bodies of one shape, such as those along a plan."""
 
-    def __init__(
-        self, server: viser.ViserServer, name: str, shape: Shape, color: Rgb, opacity: float | None
-    ) -> None:
+    def __init__(self, server: viser.ViserServer, name: str, shape: Shape, color: Rgb, opacity: float | None) -> None:
         self._node = server.scene.add_batched_meshes_simple(
             name,
             shape.vertices,

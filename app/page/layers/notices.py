@@ -1,4 +1,4 @@
-"""Notifications: good news pops up once in every tab. Errors stay in the status line until they are put right."""
+"""Notifications: good news pops up once in every tab. Errors stay in the status line until they are resolved."""
 
 import viser
 
@@ -9,14 +9,14 @@ _SECONDS = 8.0
 
 
 class NoticesLayer:
-    """Pops up what is new; a tab that opens later is not told again."""
+    """Layer of new notices; a tab that opens later does not show the earlier ones."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._shown = -1
 
     def show(self, session: Session) -> None:
-        """Pop up the notices since the last time."""
+        """Pop up the notices since the last call."""
         for notice in session.notices:
             if notice.id <= self._shown:
                 continue

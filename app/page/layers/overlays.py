@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 _TRUTH_OPACITY = 0.35
 _COLORS = {Space.OCCUPIED: HIT, Space.UNKNOWN: STALE}
-_NOWHERE = np.zeros((1, 3), np.float32)
-_DOT = 0.3  # edge of a square, as a share of its voxel's: one sees what is behind
+_NO_POINT = np.zeros((1, 3), np.float32)
+_DOT = 0.3  # edge of a square, as a share of its voxel's: the gaps show what is behind
 _FLAT = (1.0, 0.0, 0.0, 0.0)
 
 
 class OverlaysLayer:
-    """Shows what the look asks for, as soon as it is there."""
+    """Layer of the overlays that the view settings select, as soon as they are computed."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._truth = _Truth(server)
@@ -29,10 +29,10 @@ class OverlaysLayer:
         self._slice = _Slice(server)
 
     def show(self, session: Session) -> None:
-        """Draw and hide."""
-        place, look = session.place, session.view_settings
-        self._truth.show(place.scene if place is not None and look.truth else None)
-        wanted = {Space.OCCUPIED: look.occupied, Space.UNKNOWN: look.unknown}
+        """Draw the selected overlays, and hide the others."""
+        place, view = session.place, session.view_settings
+        self._truth.show(place.scene if place is not None and view.truth else None)
+        wanted = {Space.OCCUPIED: view.occupied, Space.UNKNOWN: view.unknown}
         for space, voxels in self._spaces.items():
             voxels.show(SpaceQuery.result_in(session, (SpaceQuery, space)) if wanted[space] else None)
         self._slice.show(session)
@@ -69,15 +69,15 @@ class _Voxels:
 
     def __init__(self, server: viser.ViserServer, space: Space) -> None:
         self._node = server.scene.add_point_cloud(
-            f"/space/{space.name.lower()}", _NOWHERE, _COLORS[space], precision="float32", visible=False
+            f"/space/{space.name.lower()}", _NO_POINT, _COLORS[space], precision="float32", visible=False
         )
         self._shown: SpaceVoxels | None = None
 
-    def show(self, view: SpaceVoxels | None) -> None:
-        drawn = view is not None and len(view.centers) > 0
-        if view is not None and drawn and view is not self._shown:
-            self._shown = view
-            self._node.points, self._node.point_size = view.centers.astype(np.float32), _DOT * view.spacing
+    def show(self, voxels: SpaceVoxels | None) -> None:
+        drawn = voxels is not None and len(voxels.centers) > 0
+        if voxels is not None and drawn and voxels is not self._shown:
+            self._shown = voxels
+            self._node.points, self._node.point_size = voxels.centers.astype(np.float32), _DOT * voxels.spacing
         self._node.visible = drawn
 
 

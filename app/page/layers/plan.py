@@ -1,4 +1,4 @@
-"""Plan: its trajectory as it is now, a few earlier iterations, and the body along it."""
+"""Plan: its trajectory, a few earlier iterations, and the body along it."""
 
 from enum import Enum
 
@@ -12,46 +12,44 @@ from nerfnav_app.page.kit.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
 from nerfnav_app.queries.clearance import ClearanceQuery
-from nerfnav_app.state.records import NO_TRAJECTORY, PlanRecord
+from nerfnav_app.state.plan import NO_TRAJECTORY, PlanRecord
 from nerfnav_app.state.session import Session
 
 _THICKNESS = 0.017  # [m]
 
 
 class PlanLayer:
-    """Shows the iterations of a plan as they are computed."""
+    """Layer of a plan and its iterations as they are computed."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS, through=True)
-        self._rooms = Fan(server, "/plan/room", None, 1.2 * _THICKNESS)
+        self._clearances = Fan(server, "/plan/room", None, 1.2 * _THICKNESS)
         self._drops = Fan(server, "/plan/drops", STALE, 0.2 * _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
-        self._comparison = {
-            name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()
-        }
+        self._comparison = {name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()}
         self._compared: tuple[PlannerResult, ...] = ()
         self._robot: Robot | None = None
         self._floor = 0.0
         self._plan: PlanRecord | None = None
-        self._room: np.ndarray | None = None
+        self._clearance: np.ndarray | None = None
         self._shown: tuple[PlanStyle, bool] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the plan as `choose_plan_style` says."""
         self._compare(session.comparison)
         plan, shown = session.plan, (choose_plan_style(session), session.job is not None or session.held)
-        room = ClearanceQuery.rows_of(plan, session) if session.view_settings.clearance else None
-        if plan is self._plan and shown == self._shown and room is self._room:
+        clearance = ClearanceQuery.rows_of(plan, session) if session.view_settings.clearance else None
+        if plan is self._plan and shown == self._shown and clearance is self._clearance:
             return
-        self._plan, self._shown, self._room = plan, shown, room
+        self._plan, self._shown, self._clearance = plan, shown, clearance
         self._stand_in(session)
         with self._server.atomic():
             self._draw(plan if shown[0] is not PlanStyle.HIDDEN else None, *shown)
 
     def _stand_in(self, session: Session) -> None:
-        """Take the body of the place's robot, and its floor."""
+        """Adopt the body of the place's robot, and the floor."""
         place = session.place
         if place is None:
             return
@@ -61,31 +59,31 @@ class PlanLayer:
             with self._server.atomic():
                 self._bodies.shape(body_shape(self._robot.body))
 
-    def _draw(self, plan: PlanRecord | None, look: "PlanStyle", busy: bool) -> None:
-        """Draw what there is of a plan; the bodies along it only once it rests."""
+    def _draw(self, plan: PlanRecord | None, style: "PlanStyle", busy: bool) -> None:
+        """Draw the plan; the bodies along it once it no longer changes."""
         motion = None if plan is None or plan.shown is None else plan.shown.motion
         moving = busy or (plan is not None and plan.replayed is not None)
         self._line.show(
-            None if motion is None else positions(motion.states), _COLORS.get(look), dashed=look is PlanStyle.UNSAFE
+            None if motion is None else positions(motion.states), _COLORS.get(style), dashed=style is PlanStyle.UNSAFE
         )
-        self._show_room(None if moving or look is not PlanStyle.WANTED else motion)
+        self._show_clearance(None if moving or style is not PlanStyle.WANTED else motion)
         self._drops.show(None if motion is None else drops(positions(motion.states)[::2], self._floor))
-        self._trail.show(_beside(plan, moving) if plan is not None and look is PlanStyle.WANTED else ())
-        if motion is None or moving or look is PlanStyle.STALE:
+        self._trail.show(_beside(plan, moving) if plan is not None and style is PlanStyle.WANTED else ())
+        if motion is None or moving or style is PlanStyle.STALE:
             self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
         else:
-            self._bodies.paint(_COLORS[look])
+            self._bodies.paint(_COLORS[style])
             self._bodies.show(positions(motion.states), quaternions(motion.states))
 
-    def _show_room(self, motion: Motion | None) -> None:
-        """Draw the colours of the clearance around the line, where they are wanted and known."""
-        if motion is None or self._room is None:
-            self._rooms.show(None)
+    def _show_clearance(self, motion: Motion | None) -> None:
+        """Colour the line by its clearance, where that is selected and known."""
+        if motion is None or self._clearance is None:
+            self._clearances.show(None)
         else:
-            self._rooms.show(segments(positions(motion.states)), color_by_clearance(self._room))
+            self._clearances.show(segments(positions(motion.states)), color_by_clearance(self._clearance))
 
     def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
-        """Draw the plans of a comparison."""
+        """Draw the plans of a comparison of planners."""
         if comparison is self._compared:
             return
         self._compared = comparison
@@ -97,25 +95,25 @@ class PlanLayer:
 
 
 class PlanStyle(Enum):
-    """How a plan is drawn."""
+    """Style of a plan's line."""
 
-    HIDDEN = "not at all: it leads nowhere, or a flight shows its own"
-    WANTED = "as what is asked for now, or as near to that as it could follow"
-    STALE = "greyed: something else is asked for now"
-    UNSAFE = "in red dashes: not to be flown"
+    HIDDEN = "not drawn: there is no trajectory, or a flight shows its own"
+    WANTED = "in the plan's colour: up to date, or a moment behind the hand"
+    STALE = "grey: ends or settings have changed since"
+    UNSAFE = "red dashes: not to be flown"
 
 
 _COLORS = {PlanStyle.WANTED: PLAN, PlanStyle.STALE: STALE, PlanStyle.UNSAFE: HIT}
 
 
 def color_by_clearance(rows: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) of the n steps of a plan; `rows` are those of its `ClearanceQuery`."""
+    """Compute colours (n, 3) of the n steps of a plan from the rows of its `ClearanceQuery`."""
     low, high = CLEARANCE_CM
     return on_scale((rows[1] - low) / (high - low))
 
 
 def choose_plan_style(session: Session) -> PlanStyle:
-    """How the plan of a session is drawn."""
+    """Choose the style of the session's plan."""
     plan = session.plan
     if plan is None or session.flight_is_shown or not plan.leads:
         return PlanStyle.HIDDEN
@@ -125,7 +123,7 @@ def choose_plan_style(session: Session) -> PlanStyle:
 
 
 def _found(result: PlannerResult | None) -> tuple[Motion | None, PlanOutcome | None]:
-    """What a planner of a comparison has found, and how it ended."""
+    """Read trajectory and outcome of a planner in a comparison."""
     if result is None or result.motion is None:
         return None, None
     name = result.summary.get("outcome")
@@ -133,5 +131,5 @@ def _found(result: PlannerResult | None) -> tuple[Motion | None, PlanOutcome | N
 
 
 def _beside(plan: PlanRecord, moving: bool) -> tuple[Motion, ...]:
-    """What is drawn faintly: earlier iterations while the plan moves, then where other first guesses have led."""
+    """Select faint lines: earlier iterations while the plan changes, then the results of other initial guesses."""
     return plan.shown_trail if moving else plan.others

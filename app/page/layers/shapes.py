@@ -4,7 +4,6 @@ Bodies of robots and balls are triangles. The region of a position is an ellipso
 segments around the nose.
 """
 
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,7 @@ from nerfnav.estimator import Belief
 from nerfnav.geometry import ellipsoid_95
 from nerfnav.robots import ATTITUDE, POSITION, Body
 
-_AROUND = 16  # corners of what is round
+_AROUND = 16  # corners of a circle
 
 
 @dataclass(frozen=True)
@@ -28,13 +27,13 @@ class Shape:
     """Vertices of each triangle (f, 3)."""
 
     def joined(self, other: "Shape") -> "Shape":
-        """Both shapes as one."""
+        """Join both shapes into one."""
         vertices = np.concatenate([self.vertices, other.vertices])
         return Shape(vertices, np.concatenate([self.faces, other.faces + np.uint32(len(self.vertices))]))
 
 
 def robot_shape(extents: tuple[float, float, float]) -> Shape:
-    """A box of these edge lengths [m], with a nose that shows where forward is."""
+    """Build a box of these edge lengths [m] with a nose that points forward."""
     return _box(extents).joined(_nose(extents))
 
 
@@ -46,7 +45,7 @@ def _nose(extents: tuple[float, float, float]) -> Shape:
 
 
 def body_shape(body: Body) -> Shape:
-    """A robot's own body, a box or whatever its solid is, with a nose that shows where forward is."""
+    """Build a robot's own body, a box or its solid, with a nose that points forward."""
     if body.solid is None:
         return robot_shape(body.extents)
     corners, faces = np.asarray(body.solid.vertices, np.float32), np.asarray(body.solid.faces, np.uint32)
@@ -54,7 +53,7 @@ def body_shape(body: Body) -> Shape:
 
 
 def ball() -> Shape:
-    """A ball of radius 1 m."""
+    """Build a ball of radius 1 m."""
     angle = np.linspace(np.pi, 0, _AROUND // 2 + 1)
     return _turned(np.stack([np.cos(angle), np.sin(angle)], -1))
 
@@ -67,7 +66,7 @@ def _box(extents: tuple[float, float, float]) -> Shape:
 
 
 def _turned(profile: np.ndarray) -> Shape:
-    """What a line (p, 2) through points (x, radius) leaves behind as it turns about the x axis."""
+    """Revolve a profile (p, 2) of points (x, radius) about the x axis."""
     angle = np.arange(_AROUND) * (2 * np.pi / _AROUND)
     circle = np.stack([np.ones(_AROUND), np.cos(angle), np.sin(angle)], -1)
     rings = profile[:, [0, 1, 1]][:, None] * circle
@@ -86,7 +85,7 @@ _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 
 
 def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions."""
+    """Compute centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions."""
     if not beliefs:
         return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
     centers = np.stack([belief.mean.position.detach().numpy() for belief in beliefs])
@@ -95,7 +94,7 @@ def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def cone(belief: Belief, scale: float = 1.0) -> np.ndarray:
-    """Segments (n, 2, 3) [m] from the believed position to where its nose may point, on the rim of the 95 % region."""
+    """Build segments (n, 2, 3) [m] from the mean position along the headings on the rim of the 95 % region."""
     axes, lengths = ellipsoid_95(belief.covariance[ATTITUDE, ATTITUDE])
     half = scale * (axes * lengths).numpy()
     angles = np.linspace(0, 2 * np.pi, _RIM, endpoint=False)

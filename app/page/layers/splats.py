@@ -1,16 +1,16 @@
-"""Gaussian splats: the splats that a field was made of, as their own renderers show them."""
+"""Gaussian splats: the source of a field, drawn by the browser's splat renderer."""
 
 import numpy as np
 import viser
 
 from nerfnav.importers import Splats
-from nerfnav.importers.splats.gaussians import in_half_precision
+from nerfnav.importers.splats.gaussians import fit_half_precision
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop
 
 
 class SplatsLayer:
-    """Shows the splats of a place, where it has any, in place of the field's surface."""
+    """Layer of a place's splats, where it has any, in place of the field's surface."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -18,7 +18,7 @@ class SplatsLayer:
         self._node: viser.GaussianSplatHandle | None = None
 
     def show(self, session: Session) -> None:
-        """Send the splats once they are to be seen, for they are many, and hide them when they are not."""
+        """Send the splats once they are selected, as they are large, and hide them otherwise."""
         splats = session.place.splats if session.place is not None else None
         wanted = splats is not None and session.view_settings.backdrop is Backdrop.SPLATS
         if self._node is not None and self._shown is not splats:  # another place was opened
@@ -32,8 +32,8 @@ class SplatsLayer:
 
 
 def arrays(splats: Splats) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (n, 3), covariances (n, 3, 3), colours (n, 3) and opacities (n, 1), as a browser takes them.
+    """Convert splats to centres (n, 3), covariances (n, 3, 3), colours (n, 3) and opacities (n, 1) for a browser.
 
-    It gets covariances in half precision: what that would make infinite or negative is brought within its range.
+    Browsers take covariances in half precision: values beyond its range are clamped.
     """
-    return splats.centers, in_half_precision(splats.covariances), splats.rgbs, splats.opacities[:, None]
+    return splats.centers, fit_half_precision(splats.covariances), splats.rgbs, splats.opacities[:, None]

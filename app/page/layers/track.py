@@ -15,22 +15,22 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
 
 _RECENT = 40
-"""Frames whose ellipsoids are drawn: more would hide one another."""
+"""Number of frames whose ellipsoids are drawn: more would hide one another."""
 
 
 class TrackLayer:
-    """Shows what the timeline shows of a track."""
+    """Layer of a camera track up to the time that the timeline shows."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        # the second one is seen, faintly, through what hides the first
+        # the second one is drawn, faintly, over what hides the first
         self._paths = [Fan(server, f"/track/path{ending}", BELIEF, 0.01) for ending in ("", THROUGH)]
         self._regions = Bodies(server, "/track/covariance", ball(), BELIEF, opacity=0.3)
         self._camera = Fan(server, "/track/camera", BELIEF, 0.008)
         self._shown: tuple[TrackRecord | None, float] = None, 0.0
 
     def show(self, session: Session) -> None:
-        """Draw the track, or nothing."""
+        """Draw the track, or hide it."""
         track, scale = session.shown_track, session.view_settings.ellipsoid
         if track is self._shown[0] and scale == self._shown[1]:
             return
@@ -47,6 +47,6 @@ class TrackLayer:
 
 
 def path(poses: list[Pose | None]) -> np.ndarray | None:
-    """Segments (n, 2, 3) [m] from each pose to the next; none where one of both is not known."""
+    """Build segments (n, 2, 3) [m] from each pose to the next, where both are known."""
     pairs = [(one.position, two.position) for one, two in pairwise(poses) if one and two]
     return torch.stack([torch.stack(pair) for pair in pairs]).numpy() if pairs else None

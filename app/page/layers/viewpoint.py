@@ -1,4 +1,4 @@
-"""Viewpoint of a tab: reported once its camera rests, and restored to where it was left."""
+"""Viewpoint of a tab: reported once its camera rests, and restored by the next server."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMode, CameraRested
 
 _REST_S = 0.5
-"""A camera that has not moved for so long rests: each frame of a turn would be too much to tell."""
+"""Time without a move after which a camera rests: not every frame of a turn is reported."""
 
 
 class ViewpointLayer:
-    """Tells the session of cameras that people turn themselves."""
+    """Layer that reports cameras that users turn themselves."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes the views."""
@@ -26,7 +26,7 @@ class ViewpointLayer:
         server.on_client_connect(self._watch)
 
     def show(self, session: Session) -> None:
-        """Listen while cameras are free: those that go with the robot are nobody's choice."""
+        """Report while cameras are free: the other modes move them without the user."""
         self._free = session.place is not None and session.view_settings.camera is CameraMode.FREE
 
     def _watch(self, client: viser.ClientHandle) -> None:
@@ -43,7 +43,7 @@ class ViewpointLayer:
 
 
 def view_of(camera: viser.CameraHandle) -> View:
-    """Where a tab's eye is and what it looks at [m]."""
+    """Read eye and target of a tab's camera [m]."""
     return _point(camera.position), _point(camera.look_at)
 
 

@@ -1,25 +1,24 @@
-"""Filter step: the frozen record of each iteration of a filter; the last one carries the posterior and the outcome.
+"""Filter update: the steps that it yields, the result that it returns, and the protocols of estimators.
 
-All filters test in the same way whether a picture is usable: by its contrast. Where it is not, the prediction is the
-posterior.
+All filters test by its contrast whether a picture is usable. Where it is not, the prediction is the posterior.
 """
 
-
+from collections.abc import Generator
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol, TypeGuard, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.covariance import Curvature
+from nerfnav.estimator.core.belief import Belief, Curvature
 from nerfnav.estimator.photometric.pixel_selection import PixelSource
-from nerfnav.robots import RigidState
+from nerfnav.robots import ProcessNoise, RigidState
 
 
 class FilterOutcome(Enum):
-    """How an update ended; the value is advice for the user."""
+    """Outcome of an update; the value is advice for the user."""
 
     UPDATED = "the picture was used"
     WEAK = "the picture said little: the dynamics led, and the belief stayed wide"
@@ -34,7 +33,7 @@ class FilterStep:
     iteration: int
     """Counted from 0."""
     mean: RigidState
-    """The estimate after this iteration."""
+    """Estimate after this iteration."""
     photometric: float
     """First term of Eq. 6 at this estimate."""
     process: float
@@ -43,28 +42,79 @@ class FilterStep:
     """Pixels (u, v) that the photometric term compares."""
     residual: Float[Tensor, " m"]
     """Colour difference at each pixel, in [0, 1]."""
-    posterior: Belief | None = None
-    """None while the update goes on; set on the last step."""
-    outcome: FilterOutcome | None = None
-    """None while the update goes on; set on the last step."""
     believed: Bool[Tensor, " m"] | None = None
-    """Which pixels count at this estimate, the others being outliers; None where nothing rejects outliers."""
+    """Inliers among the pixels at this estimate; None where outliers are not rejected."""
     pixel_source: PixelSource | None = None
-    """How the pixels were chosen; None where the estimator does not choose."""
+    """Origin of the pixels; None where the estimator does not choose them."""
+
+
+@dataclass(frozen=True)
+class FilterResult:
+    """Posterior of a filter update."""
+
+    posterior: Belief
+    """Belief after the update."""
+    outcome: FilterOutcome
+    """Use of the picture."""
+    step: FilterStep
+    """Last step: the posterior's mean, and the compared pixels."""
     curvature: Curvature | None = None
-    """How the posterior covariance was made; set on the last step of an update that used the picture."""
+    """Origin of the posterior covariance; None where the prediction's own is kept."""
+
+
+FilterUpdate = Generator[FilterStep, None, FilterResult]
+"""Update in progress: yields each iteration, returns the result."""
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """Estimator of the robot's state."""
+
+    def update(
+        self,
+        belief: Belief,
+        image: UInt8[Tensor, "height width 3"] | None,
+        action: Float[Tensor, " a"],
+        dt: float,
+        generator: torch.Generator,
+    ) -> FilterUpdate:
+        """Predict over an action of `dt` [s], and correct by the picture taken then, if any."""
+        ...
+
+
+@runtime_checkable
+class Corrector(Protocol):
+    """Estimator that corrects any prediction by a picture."""
+
+    @property
+    def trust_dynamics(self) -> bool:
+        """Return True where the prediction counts in the posterior; False: it is the start only."""
+        ...
+
+    def correct(
+        self,
+        prediction: Belief,
+        image: UInt8[Tensor, "height width 3"] | None,
+        generator: torch.Generator,
+        noise: ProcessNoise | None = None,
+    ) -> FilterUpdate:
+        """Correct a prediction by a picture; `noise` is the process noise in the prediction, if known."""
+        ...
 
 
 def measure_contrast(image: UInt8[Tensor, "height width 3"]) -> int:
-    """The largest difference of two pixels in one channel [levels of 255]."""
+    """Return the largest difference of two pixels in one channel [levels of 255]."""
     flat = image.reshape(-1, 3)
     return int((flat.amax(0).int() - flat.amin(0).int()).max())
 
 
-def predicted_only(prediction: Belief) -> FilterStep:
-    """The last step of an update without a picture: the prediction is the posterior."""
-    none = torch.zeros(0)
-    return FilterStep(
-        0, prediction.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), none,
-        posterior=prediction, outcome=FilterOutcome.PREDICTED_ONLY,
-    )  # fmt: skip
+def is_usable(image: UInt8[Tensor, "height width 3"] | None, least_contrast: int) -> TypeGuard[Tensor]:
+    """Return True for a picture of at least this contrast [levels of 255]."""
+    return image is not None and measure_contrast(image) >= least_contrast
+
+
+def keep_prediction(prediction: Belief) -> FilterUpdate:
+    """Update without a picture: the prediction is the posterior."""
+    step = FilterStep(0, prediction.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0))
+    yield step
+    return FilterResult(prediction, FilterOutcome.PREDICTED_ONLY, step)

@@ -6,15 +6,14 @@ A maps the tangent of mu to the tangent of mu-: f(mu (+) d, u) = mu- (+) (A d + 
 
 The strength of the process noise is adapted by the innovation (Mehra 1970; Akhlaghi, Zhou and Huang 2017). Only the
 pose shows in a picture. Its innovation d is almost the noise of one time step, for the pose before was known far
-better than that. With H the picture's information and n the numbers of the pose that it tells, the scale s of Q has
-the posterior mean
+better than that. With H the picture's information and n the numbers of the pose that it determines, the scale s of Q
+has the posterior mean
 
     s = (nu + d' (Sigma-_TT)^-1 d) / (nu + n),   n = tr H (H + (Sigma-_TT)^-1)^-1
 
-with nu degrees of freedom of what is known of Q beforehand (inverse gamma). Velocity and body rate follow by
+with nu degrees of freedom of the prior on Q (inverse gamma). Velocity and body rate follow by
 A Sigma A' + s Q: a kick that no noise explains moves them less, and a calm robot is soon surer of them.
 """
-
 
 import torch
 from jaxtyping import Float
@@ -27,13 +26,13 @@ from nerfnav.robots import TANGENT, ProcessNoise, RigidState, Robot
 def estimate_noise_scale(
     change: Float[Tensor, "6"], predicted: Float[Tensor, "6 6"], seen: Float[Tensor, "6 6"], trust: float
 ) -> float:
-    """s, for the pose's `change` from the prediction; `predicted` and `seen` are informations, `trust` is nu > 0."""
-    told = torch.linalg.solve(predicted + seen, seen).trace().item()
-    return (trust + (change @ predicted @ change).item()) / (trust + told)
+    """Return s for a `change` of the pose; `predicted` and `seen` are informations, `trust` is nu > 0."""
+    determined = torch.linalg.solve(predicted + seen, seen).trace().item()
+    return (trust + (change @ predicted @ change).item()) / (trust + determined)
 
 
 def scale_process_noise(prediction: Belief, noise: Float[Tensor, "12 12"], scale: float) -> Belief:
-    """A prediction that holds the process noise `noise` once, as if it held it `scale` times."""
+    """Scale the process noise in a prediction that holds `noise` once."""
     return Belief(prediction.mean, prediction.covariance + (scale - 1) * noise)
 
 
@@ -44,7 +43,7 @@ _STEP = 1e-5
 def transition(
     robot: Robot, state: RigidState, action: Float[Tensor, " a"], dt: float
 ) -> tuple[RigidState, Float[Tensor, "12 12"]]:
-    """The next state f(x, u) and A = df/dx there, by central differences of `robot.step` in double precision.
+    """Return the next state f(x, u) and A = df/dx there, by central differences of `robot.step` in double precision.
 
     A tenth of the time that automatic differentiation takes, for this is a few small operations: all states step
     together, the given one first.
@@ -57,10 +56,8 @@ def transition(
     return after, ((ahead - behind) / (2 * _STEP)).T.to(state.position)
 
 
-def predict(
-    belief: Belief, action: Float[Tensor, " a"], robot: Robot, dt: float, noise: ProcessNoise
-) -> Belief:
-    """The belief after an action of `dt` [s], before any picture."""
+def predict(belief: Belief, action: Float[Tensor, " a"], robot: Robot, dt: float, noise: ProcessNoise) -> Belief:
+    """Return the belief after an action of `dt` [s], before any picture."""
     mean, jacobian = transition(robot, belief.mean.detach(), action.detach(), dt)
     covariance = jacobian @ belief.covariance @ jacobian.T + noise.covariance().to(jacobian)
     return Belief(mean, 0.5 * (covariance + covariance.T))

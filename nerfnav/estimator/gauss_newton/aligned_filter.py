@@ -1,4 +1,4 @@
-"""Filter of real pictures: the fast filter's posterior (update.py), its minimum found by direct alignment."""
+"""Filter of real pictures: the fast filter's posterior (posterior.py), its minimum found by direct image alignment."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -8,85 +8,97 @@ import torch
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.covariance import POSE
-from nerfnav.estimator.core.filter_step import FilterStep, measure_contrast, predicted_only
-from nerfnav.estimator.gauss_newton.update import Update, draw_poses, select_likeliest
-from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.estimator.core.filter_config import FastConfig
+from nerfnav.estimator.core.filter_step import FilterUpdate, is_usable, keep_prediction
+from nerfnav.estimator.gauss_newton.alignment import (
+    draw_poses,
+    image_deviation,
+    record,
+    select_likeliest,
+    start_at_mean,
+)
+from nerfnav.estimator.gauss_newton.posterior import Minimum, Selection, UpdateProblem, compute_posterior
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fit_pose
-from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess
 from nerfnav.estimator.photometric.pixel_selection import PixelSource
 from nerfnav.estimator.photometric.pyramid import View, observe_reduced
-from nerfnav.estimator.photometric.residuals import Observation
 from nerfnav.field import Field, build_levels
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import ProcessNoise
 
-_TYPICAL_DEPTH = 0.3
-"""How far off the things are that a picture shows [share of the box's longest edge]."""
 _SEARCHED_AT = 2
-"""Starts are chosen on a picture halved so many times."""
+"""Halvings of the picture on which starts are chosen."""
+_SEARCHED_DEVIATION = 2.0 * 2**_SEARCHED_AT
+"""Standard deviation of points from where such a start shows them [pixels]."""
 
 
 @dataclass(frozen=True)
 class AlignedFilter:
-    """A filter that lays each picture over what the field shows."""
+    """Filter that aligns each picture with a rendering of the field."""
 
     field: Field
-    """The map."""
+    """Map."""
     camera: Camera
-    """What takes the pictures."""
+    """Camera of the pictures."""
     mount: Pose = FORWARD_MOUNT
     """T_body_camera."""
-    config: FilterConfig = dataclasses.field(default_factory=FilterConfig)
-    """What the posterior is made of; pixels and descents are those of `align`."""
+    config: FastConfig = dataclasses.field(default_factory=FastConfig)
+    """Options of the posterior; pixels and descents are those of `align`."""
     align: AlignConfig = dataclasses.field(default_factory=AlignConfig)
-    """How pictures are aligned."""
+    """Options of the alignment."""
+
+    @property
+    def trust_dynamics(self) -> bool:
+        """True: the prediction counts in the posterior."""
+        return True
 
     @cached_property
     def view(self) -> View:
-        """What looks at what, at all levels: made once."""
+        """Field at all levels of sharpness, made once."""
         return View(build_levels(self.field, 1 + _SEARCHED_AT), self.camera, self.mount)
 
     def correct(
-        self, prediction: Belief, image: Tensor, generator: torch.Generator, noise: ProcessNoise, starts: int = 1
-    ) -> FilterStep:
-        """The belief with what a picture shows; `prediction` holds this process noise.
+        self,
+        prediction: Belief,
+        image: Tensor | None,
+        generator: torch.Generator,
+        noise: ProcessNoise | None = None,
+        starts: int = 1,
+    ) -> FilterUpdate:
+        """Correct a prediction, which holds this process noise, by a picture.
 
         With several `starts`, the likeliest of random states of the prediction are followed. Raises InvalidInputError
-        where the picture is not one of this camera.
+        for a picture of another camera.
         """
-        check_image(image, self.camera)
-        if measure_contrast(image) < self.config.least_contrast:
-            return predicted_only(prediction)
-        update = _Aligned(self.view, self.config, True, prediction, image, generator, noise)
-        return update.aligned(self.align, starts)
+        if image is not None:
+            check_image(image, self.camera)
+        if not is_usable(image, self.config.least_contrast):
+            return keep_prediction(prediction)
+        problem = UpdateProblem(self.view, self.config, prediction, image, generator, noise)
+        return _correct(problem, self.align, starts)
 
 
-class _Aligned(Update):
-    """One update."""
+def _correct(problem: UpdateProblem, config: AlignConfig, starts: int) -> FilterUpdate:
+    """Align from each start, and correct by the minimum of least cost."""
+    if starts > 1:
+        guess, deviation = _choose_starts(problem, starts), _SEARCHED_DEVIATION
+    else:
+        guess, deviation = start_at_mean(problem).guess, image_deviation(problem.prediction, problem.view)
+    ends = [_align(problem, guess[index : index + 1], deviation, config) for index in range(len(guess.exposure))]
+    result = compute_posterior(problem, min(ends, key=lambda end: float(end.iterate.cost[0])))
+    yield result.step
+    return result
 
-    def aligned(self, config: AlignConfig, starts: int) -> FilterStep:
-        """The posterior, from the likeliest of so many starts."""
-        if starts > 1:
-            guess, spread = self._from_around(starts), 2.0 * 2**_SEARCHED_AT
-        else:
-            guess, spread = self._only_guess(), self._spread()
-        ends = [self._end(guess[index : index + 1], spread, config) for index in range(len(guess.exposure))]
-        return self._conclude(*min(ends, key=lambda end: float(end[2].cost[0])))
 
-    def _end(self, guess: Guess, spread: float, config: AlignConfig) -> tuple[FilterStep, Observation, Iterate]:
-        """Where one start leads; things may be `spread` [pixels] from where it shows them."""
-        here, seen = fit_pose(self.image, self.view, (guess, spread), self._prior, (config, self.generator))
-        return self._record(0, here, 0, (seen.pixels, PixelSource.UNIFORM)), seen, here
+def _align(problem: UpdateProblem, guess: Guess, deviation: float, config: AlignConfig) -> Minimum:
+    """Return the end of an alignment; points may be `deviation` [pixels] from where the guess shows them."""
+    here, seen = fit_pose(problem.image, problem.view, guess, deviation, problem.prior, config, problem.generator)
+    selection = Selection(seen, seen.pixels, PixelSource.UNIFORM)
+    return Minimum(record(problem, here, selection, iteration=0), selection, here)
 
-    def _spread(self) -> float:
-        """Standard deviation of where things show, as far as the prediction can tell [pixels]."""
-        spread = self.prediction.covariance.diagonal()[POSE].sqrt()
-        depth = _TYPICAL_DEPTH * float(self.view.levels[0].box.size.max())
-        return self.view.camera.fx * float(spread[3:].norm() + spread[:3].norm() / depth)
 
-    def _from_around(self, starts: int) -> Guess:
-        """The likeliest random states of the prediction, by a small picture."""
-        pyramid = self.config.pyramid
-        seen = observe_reduced(self.image, self.view.at(_SEARCHED_AT), pyramid.glance, self.generator)
-        return select_likeliest(seen, draw_poses(self.prediction, pyramid.candidates, self.generator), starts)
+def _choose_starts(problem: UpdateProblem, starts: int) -> Guess:
+    """Return the likeliest random states of the prediction, by a small picture."""
+    pyramid = problem.config.pyramid
+    seen = observe_reduced(problem.image, problem.view.at(_SEARCHED_AT), pyramid.glance, problem.generator)
+    return select_likeliest(seen, draw_poses(problem.prediction, pyramid.candidates, problem.generator), starts)

@@ -1,5 +1,9 @@
 """Fast pose filter: the paper's cost (Eq. 6), minimised by Gauss-Newton from coarse to fine.
 
+From a picture to the posterior:
+
+    predict -> select pixels -> align -> test -> search for other minima -> correct
+
 Only the pose T shows in a picture, so J is minimised over T alone, with the prediction's marginal covariance of it.
 Velocity and body rate v then follow by their regression on the pose, which is where J is least for that pose:
 
@@ -10,7 +14,6 @@ marginalised.
 """
 
 import dataclasses
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,10 +22,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterStep, measure_contrast, predicted_only
+from nerfnav.estimator.core.filter_config import FastConfig
+from nerfnav.estimator.core.filter_step import FilterUpdate, is_usable, keep_prediction
 from nerfnav.estimator.core.prediction import predict
-from nerfnav.estimator.gauss_newton.update import Update
-from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.estimator.gauss_newton.alignment import align, choose_start, image_deviation, search
+from nerfnav.estimator.gauss_newton.posterior import UpdateProblem, compute_posterior, correct, is_doubtful
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field, build_levels
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
@@ -31,53 +35,73 @@ from nerfnav.robots import ProcessNoise, Robot
 
 @dataclass(frozen=True)
 class FastFilter:
-    """An estimator that compares a picture with what the field shows, in milliseconds."""
+    """Estimator that compares a picture with the field, in milliseconds."""
 
     field: Field
-    """The map."""
+    """Map."""
     robot: Robot
-    """Its dynamics predict."""
+    """Dynamics of the prediction."""
     camera: Camera
-    """What takes the pictures."""
+    """Camera of the pictures."""
     mount: Pose = FORWARD_MOUNT
     """T_body_camera."""
-    config: FilterConfig = dataclasses.field(default_factory=FilterConfig)
-    """How it works."""
+    config: FastConfig = dataclasses.field(default_factory=FastConfig)
+    """Options."""
     trust_dynamics: bool = True
-    """Whether the prediction counts in the cost; False: it is the start only, as in dynamically-informed iNeRF."""
+    """Count the prediction in the cost; False: start from it only, as in dynamically-informed iNeRF."""
 
     @cached_property
     def view(self) -> View:
-        """What looks at what, at all levels: made once."""
+        """Field at all levels of sharpness, made once."""
         return View(build_levels(self.field, 1 + max(self.config.pyramid.halvings)), self.camera, self.mount)
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
-        """The belief after an action of `dt` [s] and the picture (uint8, height x width x 3) taken then, if any.
+    ) -> FilterUpdate:
+        """Predict over an action of `dt` [s], and correct by the picture (uint8, height x width x 3) taken then.
 
-        Yields a step for each coarse stage and for every iteration of the last; the very last step carries the
-        posterior and the outcome. Raises InvalidInputError where the picture is not one of this camera.
+        Yields a step for each coarse stage and for every iteration of the last; returns the posterior. Raises
+        InvalidInputError for a picture of another camera.
         """
         noise = self.config.process_noise
         return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
-    ) -> Iterator[FilterStep]:
-        """The same for a belief that the dynamics have moved already, and have added this `noise` to.
+    ) -> FilterUpdate:
+        """Correct a prediction by a picture, and adapt the size of the process noise that it holds, if given.
 
-        Where that is told, its size is adapted to what the picture shows. Raises as `update` does.
+        Yields, returns and raises as `update` does.
         """
         if image is not None:
             check_image(image, self.camera)
-        if image is None or measure_contrast(image) < self.config.least_contrast:
-            return iter([predicted_only(prediction)])
-        return Update(self.view, self.config, self.trust_dynamics, prediction, image, generator, noise).run()
+        if not is_usable(image, self.config.least_contrast):
+            return keep_prediction(prediction)
+        return _correct(UpdateProblem(self.view, self.config, prediction, image, generator, noise, self.trust_dynamics))
+
+
+def _correct(problem: UpdateProblem) -> FilterUpdate:
+    """Align (which selects the pixels of each stage), test, search, and correct.
+
+    A search whose rounds do not end the doubt goes on with the next picture, from the belief that is left.
+    """
+    pyramid = problem.config.pyramid
+    many = problem.trusted and image_deviation(problem.prediction, problem.view, pyramid.halvings[0]) > pyramid.narrow
+    best, rival = (yield from align(problem, pyramid.stages(many), choose_start(problem, many))), None
+    iteration, rounds = best.step.iteration + 1, pyramid.search.rounds if problem.trusted else 0
+    for _ in range(rounds):
+        if not is_doubtful(problem, best) and problem.patches >= pyramid.search.patches:
+            break
+        found = yield from search(problem, best, iteration)
+        best, rival, iteration = found.best, found.rival, found.iteration
+    best = dataclasses.replace(best, step=dataclasses.replace(best.step, iteration=iteration - 1))
+    result = correct(problem, best, rival) if rounds else compute_posterior(problem, best)
+    yield result.step
+    return result
 
 
 def inerf(
-    field: Field, robot: Robot, camera: Camera, mount: Pose = FORWARD_MOUNT, config: FilterConfig | None = None
+    field: Field, robot: Robot, camera: Camera, mount: Pose = FORWARD_MOUNT, config: FastConfig | None = None
 ) -> FastFilter:
-    """The baseline: dynamically-informed iNeRF, which starts where the dynamics lead and follows the picture alone."""
-    return FastFilter(field, robot, camera, mount, FilterConfig() if config is None else config, trust_dynamics=False)
+    """Return the baseline, dynamically-informed iNeRF: start at the prediction, and follow the picture alone."""
+    return FastFilter(field, robot, camera, mount, FastConfig() if config is None else config, trust_dynamics=False)

@@ -1,123 +1,97 @@
-"""Posterior of a picture: test by the end of a descent whether it is usable, and downgrade the posterior if not.
+"""Posterior of a picture: test the end of a descent, and correct the prediction by it.
 
-Where two hypotheses remain, the posterior is one Gaussian of the mixture's moments,
+A minimum that fails the innovation gate or the residual gate leaves the prediction. One that noise does not explain,
+or that has a rival, gives a downgraded posterior. Where two hypotheses remain, the posterior is one Gaussian of the
+mixture's moments,
 
     mean m = sum w_i m_i,   covariance sum w_i (Sigma_i + (m_i - m) (m_i - m)')
 
 (Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation", 2001, section 1.4.16.)
 """
 
-
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.covariance import POSE, add_information, posterior_covariance
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.belief import POSE, Belief, add_information, posterior_covariance
+from nerfnav.estimator.core.filter_config import FastConfig
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep
 from nerfnav.estimator.core.prediction import estimate_noise_scale, scale_process_noise
 from nerfnav.estimator.paper.cost import PoseCost, precision
-from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.levenberg_marquardt import POSE as _POSE
 from nerfnav.estimator.photometric.levenberg_marquardt import Iterate, Prior, join_information, picture_information
+from nerfnav.estimator.photometric.pixel_selection import PixelChoice, PixelSource
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import Observation, count_patches
 from nerfnav.geometry import Pose, so3
 from nerfnav.robots import BODY_RATE, TANGENT, VELOCITY, ProcessNoise, RigidState
 
 _CONSISTENT = 12.6
-"""Process term above which a minimum is hardly where the prediction says: chi-squared of six numbers, once in 20."""
+"""Process term above which a minimum hardly agrees with the prediction: chi-squared of six numbers, once in 20."""
 _LARGEST = 50.0
-"""Logarithm of odds beyond which there is nothing to share."""
-
-
-def downgrade_unexplained(step: FilterStep, before: Belief) -> FilterStep:
-    """The posterior where a search has found nothing that explains the picture: a false minimum, as likely as not.
-
-    The picture is then as likely to have told what the minimum says as to have told nothing, so that the prediction
-    `before` has half of the weight. A minimum where the prediction would hardly be is no such thing, and is left.
-    """
-    assert step.posterior is not None, "a concluded step has the posterior"
-    found = step.posterior
-    if step.process > _CONSISTENT:
-        return replace(step, mean=before.mean, posterior=before, outcome=FilterOutcome.WEAK)
-    away = found.mean.local(before.mean)
-    covariance = 0.5 * (found.covariance + before.covariance) + 0.25 * torch.outer(away, away)
-    mean = found.mean.retract(0.5 * away)
-    mean = replace(mean, rotation=so3.project(mean.rotation))
-    return replace(step, mean=mean, posterior=Belief(mean, covariance), outcome=FilterOutcome.WEAK)
-
-
-def rivalled(step: FilterStep, rival: FilterStep, doubt: float) -> FilterStep:
-    """The posterior where there is another minimum, which a picture of little does not rule out.
-
-    Both are as likely as Laplace's approximation makes them, exp(-J / 2) |Sigma|^(1 / 2), with the photometric part of
-    J divided by how many times less the picture tells, `doubt`. The belief stays at the better minimum, with the second
-    moment of both about it.
-    """
-    assert step.posterior is not None and rival.posterior is not None, "concluded steps have posteriors"
-    best, other = step.posterior, rival.posterior
-    logs = [
-        0.5 * float(belief.covariance.double().logdet() - end.photometric / doubt - end.process)
-        for belief, end in ((best, step), (other, rival))
-    ]
-    share = 1 / (1 + math.exp(min(logs[0] - logs[1], _LARGEST)))
-    away = best.mean.local(other.mean)
-    moment = other.covariance + torch.outer(away, away)
-    return replace(step, posterior=replace(best, covariance=(1 - share) * best.covariance + share * moment))
-
-
-End = tuple[FilterStep, Observation, Iterate]
-"""Where a descent is."""
-_TOLD = 3
+"""Logarithm of odds beyond which the weaker hypothesis has no weight."""
+_LEAST_DIRECTIONS = 3
 """Fewest directions of the six in which a picture must halve the variance to be more than WEAK."""
 _MEDIAN = 0.888
 """Median of a pixel's difference (root mean square of three colours) in noise of standard deviation 1: (2.366 / 3)^0.5
 of chi-squared of three numbers."""
 
 
-@dataclass
-class Judge:
-    """What judges the ends of one update's descents."""
+@dataclass(frozen=True)
+class UpdateProblem:
+    """Prediction and picture of one update."""
 
     view: View
-    """What looks at what."""
-    config: FilterConfig
-    """How it works."""
-    trusted: bool
-    """Whether the prediction counts in the cost."""
+    """Field and camera."""
+    config: FastConfig
+    """Options of the filter."""
     prediction: Belief
-    """Where the dynamics lead, with the process noise `noise` in it."""
-    image: Tensor
+    """Belief after the dynamics, which holds the process noise `noise`."""
+    image: UInt8[Tensor, "height width 3"]
+    """Picture of the camera."""
     generator: torch.Generator
+    """Source of random draws."""
     noise: ProcessNoise | None = None
+    """Process noise in the prediction, whose size is adapted; None: it is unknown."""
+    trusted: bool = True
+    """Count the prediction in the cost; False: start from it only."""
 
-    def _prior(self, pixels: int, halvings: int = 0) -> Prior:
+    def prior(self, pixels: int, halvings: int = 0) -> Prior:
+        """Return the prior of a descent that compares so many pixels of a picture reduced by 2^halvings."""
         config, noise = self.config, self.config.color_noise
-        kappa = config.pyramid.mistrust**-halvings / (self._alike(pixels) * noise.std**2)
+        kappa = config.pyramid.mistrust**-halvings / (self.correlated(pixels) * noise.std**2)
         slack = config.pyramid.misplaced * self.view.grain / noise.std
         return Prior(self._information, self.prediction.mean.pose, kappa, slack)
 
-    @cached_property
-    def _information(self) -> Float[Tensor, "8 8"]:
-        """Of the pose and of the exposure."""
-        return join_information(self._known if self.trusted else None, (self.config.gain_std, self.config.bias_std))
+    def correlated(self, pixels: int) -> float:
+        """Return k: how many of so many pixels err alike."""
+        return self.config.color_noise.alike_of(pixels, self.patches)
+
+    def state(self, pose: Pose, change: Float[Tensor, "6"]) -> RigidState:
+        """Return the state for a pose that is `change` away from the prediction: velocities follow by regression."""
+        mean, change = self.prediction.mean, self._regression @ change
+        velocity, body_rate = mean.velocity + change[VELOCITY], mean.body_rate + change[BODY_RATE]
+        return RigidState(pose.position, velocity, pose.rotation, body_rate)
 
     @cached_property
-    def _known(self) -> Float[Tensor, "6 6"]:
+    def patches(self) -> float:
+        """Number of independent patches of the picture."""
+        return count_patches(self.image, noise_std=self.config.color_noise.std)
+
+    @cached_property
+    def pose_information(self) -> Float[Tensor, "6 6"]:
         """Inverse covariance of the predicted pose."""
         return precision(self.prediction.covariance[POSE][:, POSE])
 
-    def _alike(self, pixels: int) -> float:  # k: how many of this many pixels err alike
-        return self.config.color_noise.alike_of(pixels, self._patches)
-
     @cached_property
-    def _patches(self) -> float:
-        return count_patches(self.image, noise_std=self.config.color_noise.std)
+    def _information(self) -> Float[Tensor, "8 8"]:
+        """Inverse covariance of pose and exposure."""
+        known = self.pose_information if self.trusted else None
+        return join_information(known, (self.config.gain_std, self.config.bias_std))
 
     @cached_property
     def _regression(self) -> Float[Tensor, "12 6"]:
@@ -127,81 +101,150 @@ class Judge:
         covariance = self.prediction.covariance
         return torch.linalg.solve(covariance[POSE][:, POSE], covariance[POSE]).T
 
-    def _state(self, pose: Pose, change: Float[Tensor, "6"]) -> RigidState:
-        """The whole state for a pose, which is `change` away from the prediction."""
-        mean, change = self.prediction.mean, self._regression @ change
-        velocity, body_rate = mean.velocity + change[VELOCITY], mean.body_rate + change[BODY_RATE]
-        return RigidState(pose.position, velocity, pose.rotation, body_rate)
 
-    def _is_doubtful(self, end: End) -> bool:
-        """Whether the colours differ by more than noise explains, on the whole or mostly."""
-        step, seen, _ = end
-        bound = self.config.pyramid.search.doubt * self.config.color_noise.std
-        return not self._squares(step, seen) <= bound**2 or self._disagrees(step)
+@dataclass(frozen=True)
+class Selection:
+    """Pixels that a descent compares."""
 
-    def _is_unexplained(self, end: End) -> bool:
-        """Whether an end is doubtful, and not for the sake of a few pixels: most differ by more than noise has them."""
-        return self._is_doubtful(end) and not end[0].residual.median().item() <= _MEDIAN * self.config.color_noise.std
+    observation: Observation
+    """Pixels of the picture, reduced or at full size."""
+    places: Int[Tensor, "m 2"]
+    """The same pixels (u, v) at full size."""
+    source: PixelSource | None = None
+    """Origin of pixels at full size; None: drawn evenly from a reduced picture."""
+    chosen: PixelChoice | None = None
+    """All pixels chosen at full size, once an update has chosen them."""
 
-    def _squares(self, step: FilterStep, seen: Observation) -> float:
-        """Mean square of the colours' differences (Huber)."""
-        return step.photometric / self._prior(len(seen.pixels)).kappa / step.residual.numel() / 3
 
-    def _disagrees(self, step: FilterStep) -> bool:
-        """Whether most pixels differ by more than noise explains."""
-        config = self.config
-        return not step.residual.median().item() <= config.residual_gate * config.color_noise.std
+@dataclass(frozen=True)
+class Minimum:
+    """End of a descent."""
 
-    @torch.no_grad()
-    def _conclude(self, step: FilterStep, seen: Observation, here: Iterate) -> FilterStep:
-        """The posterior at the minimum, or the prediction where the minimum is not to be believed."""
-        config = self.config
-        known = picture_information(here)
-        if not step.process <= config.innovation_gate or self._disagrees(step) or not known.isfinite().all():
-            return replace(step, posterior=self.prediction, outcome=FilterOutcome.DIVERGED)
-        scale, change = self._doubt_of(step, seen), here.change[0, _POSE]
-        known = known / scale
-        step, prediction = self._adapted(step, change, known)
-        if config.exact_covariance:
-            noise = replace(config.color_noise, alike=scale * self._alike(len(seen.pixels)))
-            curved = PoseCost.of(seen.exposed(here.guess.exposure[0]), prediction, noise).hessian(step.mean)
-        else:
-            curved = 2 * add_information(change[3:], precision(prediction.covariance), known)
-        covariance, curvature = posterior_covariance(curved, prediction.covariance)
-        covariance = covariance + config.floor_at(self.view.grain).covariance()
-        root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
-        gained = torch.linalg.eigvalsh(root.T @ known @ root) > 1
-        outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK
-        mean = replace(step.mean, rotation=so3.project(step.mean.rotation))
-        return replace(step, mean=mean, posterior=Belief(mean, covariance), outcome=outcome, curvature=curvature)
+    step: FilterStep
+    """Estimate, cost and residuals."""
+    selection: Selection
+    """Compared pixels."""
+    iterate: Iterate
+    """Poses with their costs and curvatures."""
 
-    def _doubt_of(self, step: FilterStep, seen: Observation) -> float:
-        """How many times less a picture tells than held-out views promise, by its own differences and its patches."""
-        if not self.config.adaptive:
-            return 1.0
-        return self.config.color_noise.doubt(self._squares(step, seen), self._patches)
 
-    def _adapted(
-        self, step: FilterStep, change: Float[Tensor, "6"], known: Float[Tensor, "6 6"]
-    ) -> tuple[FilterStep, Belief]:
-        """The end of a descent and the prediction, as they are with the process noise that the picture shows.
+def is_doubtful(problem: UpdateProblem, minimum: Minimum) -> bool:
+    """Return True where the colours differ by more than noise explains, in mean square or in the median."""
+    bound = problem.config.pyramid.search.doubt * problem.config.color_noise.std
+    return not _mean_square(problem, minimum) <= bound**2 or _fails_residual_gate(problem, minimum.step)
 
-        The pose stays, for the prediction hardly moves it; its velocities follow.
-        """
-        config, before = self.config, self.prediction
-        if self.noise is None or not self.trusted or not config.adaptive:
-            return step, before
-        size = estimate_noise_scale(change, self._known, known, config.noise_trust)
-        adapted = replace(self, prediction=scale_process_noise(before, self.noise.covariance(), size))
-        return replace(step, mean=adapted._state(step.mean.pose, change)), adapted.prediction
 
-    def _of_both(self, last: FilterStep, best: End, rival: End | None) -> FilterStep:
-        """The posterior with what may be the case besides the best minimum."""
-        if last.outcome is FilterOutcome.DIVERGED:
-            return last
-        if self._is_unexplained(best):
-            return downgrade_unexplained(last, self.prediction)
-        other = None if rival is None else self._conclude(*rival)
-        if other is None or other.outcome is FilterOutcome.DIVERGED:
-            return last
-        return rivalled(last, other, self._doubt_of(best[0], best[1]))
+def correct(problem: UpdateProblem, minimum: Minimum, rival: Minimum | None = None) -> FilterResult:
+    """Return the posterior, downgraded where the minimum is unexplained or has a rival."""
+    result = compute_posterior(problem, minimum)
+    if result.outcome is FilterOutcome.DIVERGED:
+        return result
+    if _is_unexplained(problem, minimum):
+        return downgrade_unexplained(result, problem.prediction)
+    other = None if rival is None else compute_posterior(problem, rival)
+    if other is None or other.outcome is FilterOutcome.DIVERGED:
+        return result
+    return merge_rival(result, other, _information_ratio(problem, minimum))
+
+
+@torch.no_grad()
+def compute_posterior(problem: UpdateProblem, minimum: Minimum) -> FilterResult:
+    """Return the posterior at a minimum (Laplace), or the prediction where the minimum fails a gate."""
+    config, step = problem.config, minimum.step
+    information, change = picture_information(minimum.iterate), minimum.iterate.change[0, _POSE]
+    passes = step.process <= config.innovation_gate and not _fails_residual_gate(problem, step)
+    if not passes or not information.isfinite().all():
+        return FilterResult(problem.prediction, FilterOutcome.DIVERGED, step)
+    ratio = _information_ratio(problem, minimum)
+    information = information / ratio
+    adapted = _adapt_noise(problem, change, information)
+    mean = step.mean if adapted is problem else adapted.state(step.mean.pose, change)
+    prediction = adapted.prediction.covariance
+    if config.exact_covariance:
+        noise = replace(config.color_noise, alike=ratio * problem.correlated(len(minimum.selection.observation.pixels)))
+        seen = minimum.selection.observation.exposed(minimum.iterate.guess.exposure[0])
+        hessian = PoseCost.of(seen, adapted.prediction, noise).hessian(mean)
+    else:
+        hessian = 2 * add_information(change[3:], precision(prediction), information)
+    covariance, curvature = posterior_covariance(hessian, prediction)
+    covariance = covariance + config.floor_at(problem.view.grain).covariance()
+    root = torch.linalg.cholesky(prediction[POSE][:, POSE])
+    halved = int((torch.linalg.eigvalsh(root.T @ information @ root) > 1).sum())
+    outcome = FilterOutcome.UPDATED if halved >= _LEAST_DIRECTIONS else FilterOutcome.WEAK
+    mean = replace(mean, rotation=so3.project(mean.rotation))
+    return FilterResult(Belief(mean, covariance), outcome, replace(step, mean=mean), curvature)
+
+
+def downgrade_unexplained(result: FilterResult, prediction: Belief) -> FilterResult:
+    """Return the posterior where no search explains the picture: the minimum is false as likely as not.
+
+    The prediction then has half of the weight. A minimum that hardly agrees with the prediction is rejected.
+    """
+    if result.step.process > _CONSISTENT:
+        return _weakened(result, prediction)
+    found = result.posterior
+    away = found.mean.local(prediction.mean)
+    covariance = 0.5 * (found.covariance + prediction.covariance) + 0.25 * torch.outer(away, away)
+    mean = found.mean.retract(0.5 * away)
+    return _weakened(result, Belief(replace(mean, rotation=so3.project(mean.rotation)), covariance))
+
+
+def merge_rival(result: FilterResult, rival: FilterResult, ratio: float) -> FilterResult:
+    """Return the posterior where the picture does not rule out another minimum.
+
+    Both have the likelihood of Laplace's approximation, exp(-J / 2) |Sigma|^(1 / 2), with the photometric part of J
+    divided by `ratio`, how many times less the picture tells. The belief stays at the better minimum, with the second
+    moment of both about it.
+    """
+    best, other = result.posterior, rival.posterior
+    logs = [
+        0.5 * float(end.posterior.covariance.double().logdet() - end.step.photometric / ratio - end.step.process)
+        for end in (result, rival)
+    ]
+    share = 1 / (1 + math.exp(min(logs[0] - logs[1], _LARGEST)))
+    away = best.mean.local(other.mean)
+    moment = other.covariance + torch.outer(away, away)
+    return replace(result, posterior=replace(best, covariance=(1 - share) * best.covariance + share * moment))
+
+
+def _weakened(result: FilterResult, posterior: Belief) -> FilterResult:
+    step = replace(result.step, mean=posterior.mean)
+    return replace(result, posterior=posterior, outcome=FilterOutcome.WEAK, step=step)
+
+
+def _is_unexplained(problem: UpdateProblem, minimum: Minimum) -> bool:
+    """Return True where a minimum is doubtful for the sake of most pixels, not of a few."""
+    median = minimum.step.residual.median().item()
+    return is_doubtful(problem, minimum) and not median <= _MEDIAN * problem.config.color_noise.std
+
+
+def _fails_residual_gate(problem: UpdateProblem, step: FilterStep) -> bool:
+    """Return True where most pixels differ by more than noise explains."""
+    return not step.residual.median().item() <= problem.config.residual_gate * problem.config.color_noise.std
+
+
+def _mean_square(problem: UpdateProblem, minimum: Minimum) -> float:
+    """Return the mean square of the colours' differences (Huber)."""
+    step, kappa = minimum.step, problem.prior(len(minimum.selection.observation.pixels)).kappa
+    return step.photometric / kappa / step.residual.numel() / 3
+
+
+def _information_ratio(problem: UpdateProblem, minimum: Minimum) -> float:
+    """Return how many times less a picture tells than held-out views do, by its own differences and its patches."""
+    if not problem.config.adaptive:
+        return 1.0
+    return problem.config.color_noise.doubt(_mean_square(problem, minimum), problem.patches)
+
+
+def _adapt_noise(
+    problem: UpdateProblem, change: Float[Tensor, "6"], information: Float[Tensor, "6 6"]
+) -> UpdateProblem:
+    """Return the problem with the process noise that the picture shows.
+
+    The pose stays, for the prediction hardly moves it; its velocities follow.
+    """
+    if problem.noise is None or not problem.trusted or not problem.config.adaptive:
+        return problem
+    size = estimate_noise_scale(change, problem.pose_information, information, problem.config.noise_trust)
+    scaled = scale_process_noise(problem.prediction, problem.noise.covariance(), size)
+    return replace(problem, prediction=scaled)

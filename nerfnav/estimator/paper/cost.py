@@ -10,34 +10,33 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.covariance import POSE, hessian
+from nerfnav.estimator.core.belief import POSE, Belief, hessian
 from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, inliers, photometric_cost
 from nerfnav.robots import TANGENT, RigidState
 
 
 @dataclass(frozen=True)
 class CostTerms:
-    """J at one state, and where it comes from."""
+    """Cost J at one state, by its terms."""
 
     photometric: Float[Tensor, ""]
     """J_photo."""
     process: Float[Tensor, ""]
     """The squared Mahalanobis distance from the prediction."""
     residual: Float[Tensor, "m 3"]
-    """Of each pixel."""
+    """r_i of each pixel."""
     believed: Bool[Tensor, " m"]
-    """Which pixels are no outliers."""
+    """Inliers among the pixels."""
 
     @property
     def total(self) -> Float[Tensor, ""]:
-        """J."""
+        """Total cost J at the state."""
         return self.photometric + self.process
 
 
 @dataclass(frozen=True)
 class PoseCost:
-    """J as a function of the state."""
+    """Cost J as a function of the state."""
 
     observation: Observation
     """The pixels that are compared."""
@@ -46,28 +45,28 @@ class PoseCost:
     information: Float[Tensor, "12 12"]
     """(Sigma-)^-1."""
     noise: ColorNoise
-    """How far right colours may be off."""
+    """Noise of colours at the right pose."""
 
     @classmethod
     def of(cls, observation: Observation, prediction: Belief, noise: ColorNoise) -> "PoseCost":
-        """J for a picture and a prediction; raises InvalidInputError where Sigma- is no covariance."""
+        """Build J for a picture and a prediction; raises InvalidInputError where Sigma- is no covariance."""
         information = precision(prediction.covariance)
         return cls(observation, prediction, information, noise)
 
     def terms(self, state: RigidState) -> CostTerms:
-        """J at a state, differentiable; which pixels are believed is decided afresh, outside the gradient."""
+        """Return J at a state, differentiable; inliers are chosen afresh, outside the gradient."""
         residual = self.observation.residual(state)
         believed = inliers(residual, self.noise)
         photometric = photometric_cost(residual, believed, self.noise)
         return CostTerms(photometric, self.process(state), residual, believed)
 
     def process(self, state: RigidState) -> Float[Tensor, ""]:
-        """The process term at a state."""
+        """Return the process term at a state."""
         change = self.prediction.mean.local(state)
         return change @ self.information @ change
 
     def hessian(self, state: RigidState) -> Float[Tensor, "12 12"]:
-        """The exact second derivatives of J in the tangent at a state, whose outliers stay outliers.
+        """Return the exact second derivatives of J in the tangent at a state, whose outliers stay outliers.
 
         The photometric term depends on six of the twelve numbers only, which spares half of the work.
         """
@@ -86,7 +85,7 @@ class PoseCost:
 
 
 def precision(covariance: Float[Tensor, "n n"]) -> Float[Tensor, "n n"]:
-    """The inverse of a predicted covariance; raises InvalidInputError where it is none."""
+    """Return the inverse of a predicted covariance; raises InvalidInputError where it is none."""
     root, failed = torch.linalg.cholesky_ex(covariance.double())
     if failed or not covariance.isfinite().all():
         raise InvalidInputError(

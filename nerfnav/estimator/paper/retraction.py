@@ -20,15 +20,13 @@ Retraction = Callable[[RigidState, Float[Tensor, "12"]], RigidState]
 
 
 def retract(state: RigidState, tangent: Float[Tensor, "12"]) -> RigidState:
-    """x (+) d by nerfnav's own formulas; rounding drift of the attitude is taken out."""
+    """Return x (+) d by nerfnav's own formulas; rounding drift of the attitude is taken out."""
     moved = state.retract(tangent)
     return RigidState(moved.position, moved.velocity, so3.project(moved.rotation), moved.body_rate)
 
 
-def retract_with_lietorch(
-    lietorch: ModuleType, state: RigidState, tangent: Float[Tensor, "12"]
-) -> RigidState:
-    """The same with LieTorch's exponential map of SO(3)."""
+def retract_with_lietorch(lietorch: ModuleType, state: RigidState, tangent: Float[Tensor, "12"]) -> RigidState:
+    """Return x (+) d by LieTorch's exponential map of SO(3)."""
     turn = lietorch.SO3.exp(tangent[None, ATTITUDE]).matrix()[0, :3, :3]
     return RigidState(
         state.position + tangent[POSITION],
@@ -39,13 +37,13 @@ def retract_with_lietorch(
 
 
 def choose_retraction(lietorch: ModuleType | None) -> Retraction:
-    """The retraction by LieTorch where there is one, else nerfnav's own."""
+    """Return the retraction by LieTorch where it is installed, else nerfnav's own."""
     return retract if lietorch is None else partial(retract_with_lietorch, lietorch)
 
 
 @cache
 def princeton_lietorch() -> ModuleType | None:
-    """Princeton's LieTorch, or None where it is not installed or the name leads to the other library."""
+    """Return Princeton's LieTorch, or None where it is not installed or the name leads to the other library."""
     try:
         module = importlib.import_module("lietorch")
     except (ImportError, OSError):  # OSError: built for CUDA libraries that this machine lacks
@@ -54,5 +52,5 @@ def princeton_lietorch() -> ModuleType | None:
 
 
 def retraction_backend() -> str:
-    """Which library does the retraction on this machine, as a user would read it."""
+    """Return the name of the library that does the retraction on this machine."""
     return "nerfnav" if princeton_lietorch() is None else "LieTorch"

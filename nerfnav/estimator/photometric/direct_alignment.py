@@ -1,7 +1,7 @@
 """Direct image alignment: move the picture over a rendering of the field, without rendering again at every step.
 
 From a pose near the camera's, pixels are rendered once, each with its colour C_i and the point X_i at its mean depth.
-With pi what the camera makes of a point, and I the picture, all later steps compare
+With pi the projection of a point, and I the picture, all later steps compare
 
     r_i(T) = (1 + g) C_i + b - I(pi(T^-1 X_i))
 
@@ -10,9 +10,9 @@ picture's, which is smooth where a field is rough: between sharp nodes that a fe
 minima, and where Gauss-Newton's steps on the field itself end depends on where they began. It costs a
 rendering of the pixels or two, where descents make ten.
 
-The picture is blurred, first by about as much as the prediction may be off, then less and less, to no less than the
-sharpness of the field; after each blur, pixels are rendered again from the pose that was found. What is found is
-where a descent on the field itself begins: where that is a fog, its mean depth is none.
+The picture is blurred, first by about the standard deviation of the prediction, then less and less, to no less than the
+sharpness of the field; after each blur, pixels are rendered again from the pose that was found. A descent on the field
+itself follows: in fog, the mean depth means nothing.
 
 A lens is linear about each pixel: du = L_i d(x / z, y / z), exact where a step ends.
 """
@@ -32,7 +32,7 @@ from nerfnav.estimator.photometric.kernels.direct_alignment import align
 from nerfnav.estimator.photometric.levenberg_marquardt import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, improve
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import THREADS, Observation
-from nerfnav.field import FastRenderer, Rendering, get_ray_grid, probe_rays, render_rays
+from nerfnav.field import FastRenderer, Rendering, probe_rays, render_rays
 from nerfnav.geometry import Camera, Pose
 
 _FAR = 1e3
@@ -43,7 +43,7 @@ _FINE = 3.0
 
 @dataclass(frozen=True)
 class AlignConfig:
-    """How pictures are aligned."""
+    """Options of direct image alignment."""
 
     pixels: int = 384
     """Pixels compared in each round ..."""
@@ -71,42 +71,41 @@ class AlignConfig:
     """Each blur is so many times the next one."""
 
 
-Known = Callable[[int], Prior]
-"""What is known without the picture, to be told together with so many pixels."""
+PriorOf = Callable[[int], Prior]
+"""Prior of a comparison of so many pixels."""
 
 
 def fit_pose(
     image: UInt8[Tensor, "height width 3"],
     view: View,
-    start: tuple[Guess, float],
-    known: Known,
-    settings: tuple[AlignConfig, torch.Generator],
+    guess: Guess,
+    deviation: float,
+    prior: PriorOf,
+    config: AlignConfig,
+    generator: torch.Generator,
 ) -> tuple[Iterate, Observation]:
-    """Where a picture was taken, batch shape (1,), and the pixels that the descent on the field compared.
+    """Align a picture, then descend on the field itself; returns the end (1,) and the pixels of that descent.
 
-    `start` is the first guess (1,), and how far things may be from where it shows them [pixels]: a standard deviation.
+    `deviation` is the standard deviation of points from where the first guess (1,) shows them [pixels].
     """
-    config, generator = settings
-    guess = align_picture(image, view, start, known, settings)
+    guess = align_picture(image, view, guess, deviation, prior, config, generator)
     seen = Observation.of(image, draw_spaced_pixels(view.camera, config.last_pixels, generator), view.at(0))
     settled = config.last_settled * float(seen.field.box.size.max())
     newton = NewtonConfig(config.last_iterations, robust=config.robust, settled=settled)
-    *_, here = improve(seen, guess, known(len(seen.pixels)), newton, every=False)
+    *_, here = improve(seen, guess, prior(len(seen.pixels)), newton, every=False)
     return here, seen
 
 
 def align_picture(
     image: UInt8[Tensor, "height width 3"],
     view: View,
-    start: tuple[Guess, float],
-    known: Known,
-    settings: tuple[AlignConfig, torch.Generator],
+    guess: Guess,
+    deviation: float,
+    prior: PriorOf,
+    config: AlignConfig,
+    generator: torch.Generator,
 ) -> Guess:
-    """Where the last round of alignment ends, batch shape (1,).
-
-    `start` as `fit_pose` has it. The first blur is half as wide as things may be off.
-    """
-    (guess, spread), (config, generator) = start, settings
+    """Align a picture in rounds of ever less blur, from half the `deviation` on; returns the last guess (1,)."""
     colors = image.numpy().astype(np.float32) / 255
     blurs = None
     while blurs is None or blurs:
@@ -114,14 +113,14 @@ def align_picture(
         seen = Observation.of(image, pixels, view.at(0))
         scene, depth = _scene(seen, guess.pose[0])
         if blurs is None:
-            blurs = _blurs(0.5 * spread, config.grain * view.grain * view.camera.fx / depth, config)
-        guess = _round((blur_picture(colors, blurs[0]), *scene), guess, known(len(pixels)), config)
+            blurs = _blurs(0.5 * deviation, config.grain * view.grain * view.camera.fx / depth, config)
+        guess = _round((blur_picture(colors, blurs[0]), *scene), guess, prior(len(pixels)), config)
         blurs = blurs[1:]
     return guess
 
 
 def blur_picture(colors: np.ndarray, blur: float) -> np.ndarray:
-    """A picture (height, width, 3) after a Gaussian blur of a standard deviation [pixels].
+    """Blur a picture (height, width, 3) by a Gaussian of a standard deviation [pixels].
 
     Wide ones are made on a picture that is s times smaller, a tenth of the time: a mean over s pixels has the variance
     (s^2 - 1) / 12, and to interpolate between them adds s^2 / 6.
@@ -137,7 +136,7 @@ def blur_picture(colors: np.ndarray, blur: float) -> np.ndarray:
 
 
 def _blurs(first: float, grain: float, config: AlignConfig) -> list[float]:
-    """Of each round [pixels]; `grain` is how far apart a field's nodes show, in part."""
+    """Return the blur of each round [pixels]; `grain` is a share of the distance of nodes in the picture."""
     last = min(max(grain, config.blur[0]), config.blur[1])
     first = min(max(first, last), config.widest)
     count = max(1, round(math.log(first / last) / math.log(config.shrink)))
@@ -145,7 +144,7 @@ def _blurs(first: float, grain: float, config: AlignConfig) -> list[float]:
 
 
 def draw_spaced_pixels(camera: Camera, count: int, generator: torch.Generator) -> Int[Tensor, "m 2"]:
-    """About so many pixels of a picture, one anywhere in each cell of a grid (jittered sampling)."""
+    """Draw about so many pixels, one anywhere in each cell of a grid (jittered sampling)."""
     across = max(1, round((count * camera.width / camera.height) ** 0.5))
     down = max(1, count // across)
     cells = torch.stack(torch.meshgrid(torch.arange(across), torch.arange(down), indexing="xy"), -1).reshape(-1, 2)
@@ -155,7 +154,7 @@ def draw_spaced_pixels(camera: Camera, count: int, generator: torch.Generator) -
 
 
 def _scene(seen: Observation, pose: Pose) -> tuple[tuple[np.ndarray, ...], float]:
-    """What the kernel compares, as `align` has it, and the median depth [m]."""
+    """Return the arguments of the kernel `align`, and the median depth [m]."""
     at = pose.compose(seen.mount)
     origins, directions = seen.camera.rays(at, seen.pixels)
     shown = _rendered(seen, origins.contiguous(), directions.contiguous())
@@ -170,15 +169,15 @@ def _scene(seen: Observation, pose: Pose) -> tuple[tuple[np.ndarray, ...], float
 
 def _rendered(seen: Observation, origins: Tensor, directions: Tensor) -> Rendering:
     with torch.no_grad(), threads(THREADS):
-        if (grid := get_ray_grid(seen.field)) is not None:
-            return probe_rays(grid, origins, directions)
+        if (probed := probe_rays(seen.field, origins, directions)) is not None:
+            return probed
         if isinstance(seen.field, FastRenderer):
             return seen.field.render_rays(origins, directions)
         return render_rays(seen.field, origins, directions)
 
 
 def _lens(camera: Camera, pixels: Int[Tensor, "m 2"]) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "m 2 2"]]:
-    """x / z and y / z of what shows in pixels, y downwards, and the derivative of pixels by these."""
+    """Return x / z and y / z of pixels, y downwards, and the derivative of pixels by these."""
     if not camera.distortion:
         flat = (pixels.double() + 0.5 - torch.tensor([camera.cx, camera.cy])) / torch.tensor([camera.fx, camera.fy])
         return flat, torch.diag(torch.tensor([camera.fx, camera.fy], dtype=torch.float64)).expand(len(pixels), 2, 2)
@@ -190,7 +189,7 @@ def _lens(camera: Camera, pixels: Int[Tensor, "m 2"]) -> tuple[Float[Tensor, "m 
 
 
 def _round(scene: tuple[np.ndarray, ...], guess: Guess, prior: Prior, config: AlignConfig) -> Guess:
-    """The end of one round."""
+    """Return the end of one round."""
     mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
     information, turn, place = (
         np.ascontiguousarray(part.double().numpy()) for part in (prior.information, mean.rotation, mean.position)

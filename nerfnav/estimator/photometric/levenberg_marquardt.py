@@ -29,7 +29,6 @@ error in the church was 4 to 8 % less with that, and the 95th percentile 13 to 1
 torch.
 """
 
-
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -55,8 +54,10 @@ _Steps = Float[Tensor, "n 8"]
 def compute_stretches(
     scale: _Steps, step: _Steps, before: _Steps, last: Float[Tensor, " n"], most: float
 ) -> Float[Tensor, " n"]:
-    """s of each of n steps, at most `most`; `before` are the steps before, stretched by `last` (0: there are none,
-    or they were in vain)."""
+    """Return s of each of n steps, at most `most`.
+
+    `before` are the steps before, stretched by `last` (0: there are none, or they were in vain).
+    """
     square = (scale * before.square()).sum(-1)
     share = (scale * step * before).sum(-1) / square.clamp_min(1e-30)
     rate = torch.where((last > 0) & (square > 0), 1 - (1 - share) / last.clamp_min(1e-30), torch.zeros_like(last))
@@ -73,7 +74,7 @@ POSE, EXPOSURE = slice(0, 6), slice(6, 8)
 
 @dataclass(frozen=True)
 class NewtonConfig:
-    """How poses are improved."""
+    """Options of the descent of poses."""
 
     iterations: int = 7
     """Steps of each pose, at most."""
@@ -91,7 +92,7 @@ class NewtonConfig:
 
 @dataclass(frozen=True)
 class Guess(TensorStruct):
-    """What is looked for, batch shape (n,)."""
+    """Unknowns z of a descent, batch shape (n,)."""
 
     pose: Pose
     """T_world_body."""
@@ -100,18 +101,18 @@ class Guess(TensorStruct):
 
     @classmethod
     def at(cls, poses: Pose) -> "Guess":
-        """Poses (n,) with the exposure that the field was learned with."""
+        """Return poses (n,) with the exposure that the field was learned with."""
         return cls(poses, torch.zeros(*poses.position.shape[:-1], 2))
 
     def retract(self, step: Float[Tensor, "*batch 8"]) -> "Guess":
-        """z (+) step."""
+        """Return z (+) step."""
         rotation = so3.retract(self.pose.rotation, step[..., 3:6])
         return Guess(Pose(rotation, self.pose.position + step[..., :3]), self.exposure + step[..., EXPOSURE])
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known without the picture, in units of standard deviations."""
+    """Prior of a descent: knowledge without the picture, in units of standard deviations."""
 
     information: Float[Tensor, "8 8"]
     """Lambda_z: inverse covariance of z."""
@@ -124,7 +125,7 @@ class Prior:
 
 
 def join_information(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[float, float]) -> Float[Tensor, "8 8"]:
-    """Lambda_z from that of a pose (None: 0) and standard deviations of gain and bias (0: known exactly)."""
+    """Return Lambda_z from that of a pose (None: 0) and standard deviations of gain and bias (0: known exactly)."""
     information = torch.zeros(UNKNOWNS, UNKNOWNS)
     if pose is not None:
         information[POSE, POSE] = pose
@@ -135,21 +136,21 @@ def join_information(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[floa
 
 @runtime_checkable
 class Sight(Protocol):
-    """A picture, and how to predict it."""
+    """Picture with its prediction."""
 
     @property
     def colors(self) -> Float[Tensor, "m 3"]:
-        """What the picture shows."""
+        """Colours of the picture."""
         ...
 
     def linearised(self, poses: Pose) -> tuple[Float[Tensor, "n m 3"], Float[Tensor, "n m 3 6"]]:
-        """What the field shows from poses (n,), and its derivative by position and attitude (in the body)."""
+        """Return the field's colours from poses (n,), and their derivative by position and attitude (in the body)."""
         ...
 
 
 @dataclass(frozen=True)
 class Iterate:
-    """Where a minimisation stands, batch shape (n,)."""
+    """Iterate of a minimisation, batch shape (n,)."""
 
     guess: Guess
     """z."""
@@ -168,7 +169,7 @@ class Iterate:
     slope: Float[Tensor, "n 8"]
     """Half of J's derivative."""
     moved: Float[Tensor, " n"]
-    """How far the last step went [m or rad, whichever is more]; 0 where it was not taken."""
+    """Length of the last step [m or rad, whichever is more]; 0 where it was not taken."""
 
     @property
     def curvature(self) -> Float[Tensor, "n 8 8"]:
@@ -176,7 +177,7 @@ class Iterate:
         return self.seen + self.known
 
     def likeliest(self, count: int | None) -> Guess:
-        """So many of the poses, the cheapest first; None: a third of them."""
+        """Return so many of the poses, the cheapest first; None: a third of them."""
         count = count or -(-len(self.cost) // 3)
         if len(self.cost) == 1:
             return self.guess
@@ -184,7 +185,7 @@ class Iterate:
 
 
 def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
-    """Every stage on the way down, the start first; no pose's cost ever rises."""
+    """Yield every stage of the descent, the start first; no cost ever rises."""
     here, trust = evaluate(sight, start, prior, config.robust)
     damping, stretch = torch.full_like(here.cost, config.damping), torch.zeros_like(here.cost)
     before = torch.zeros_like(here.slope)
@@ -213,7 +214,7 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
 def evaluate(
     sight: Sight, guess: Guess, prior: Prior, robust: float, trust: Float[Tensor, "n k"] | None = None
 ) -> tuple[Iterate, Float[Tensor, "n k"]]:
-    """J, its slope and its curvature at poses (n,), and w of all colours: `trust` where it is given."""
+    """Return J, its slope and its curvature at poses (n,), and w of all colours: `trust` where it is given."""
     shown, by_pose = sight.linearised(guess.pose)
     gain, bias = (guess.exposure[:, None, None, index] for index in (0, 1))
     residual = (1 + gain) * shown + bias - sight.colors
@@ -288,7 +289,7 @@ def _chosen(better: Bool[Tensor, " n"], tried: Iterate, here: Iterate, moved: Fl
 
 
 def picture_information(here: Iterate, index: int = 0) -> Float[Tensor, "6 6"]:
-    """What a picture tells of one of the poses, whatever gain and bias it was taken with (Schur's complement)."""
+    """Return a picture's information on one of the poses, with gain and bias marginalised (Schur's complement)."""
     seen, exposure = here.seen[index], (here.seen + here.known)[index, EXPOSURE, EXPOSURE]
     cross = seen[POSE, EXPOSURE]
     return seen[POSE, POSE] - cross @ torch.linalg.solve(exposure, cross.T)
@@ -297,7 +298,7 @@ def picture_information(here: Iterate, index: int = 0) -> Float[Tensor, "6 6"]:
 def improve(
     seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
 ) -> Iterator[Iterate]:
-    """Every stage on the way down, the start first, as `minimise` yields them; the last one alone, if not `every`.
+    """Yield every stage of the descent, the start first, as `minimise` does; the last one alone, if not `every`.
 
     The compiled descent ends each pose's where that has settled; it then stands still in later stages. All is done on
     the filter's threads and without gradients; what others do between the stages is not.
@@ -334,9 +335,9 @@ def _compiled(
         part[0] = begin.numpy()
     held, moved, settings = np.empty((stages, count), np.int64), np.empty((stages, count)), _settings(config)
     stages = descend(grid, seen.sight, known, settings, trace, held, moved)
-    told = slice(0 if every else stages - 1, stages)
-    holding = held[told], np.arange(count)
-    parts = (*(part[holding] for part in trace), moved[told])
+    yielded = slice(0 if every else stages - 1, stages)
+    holding = held[yielded], np.arange(count)
+    parts = (*(part[holding] for part in trace), moved[yielded])
     shown = [torch.from_numpy(np.asarray(part, np.float32)) for part in parts]
     for rotation, position, exposure, *parts in zip(*shown, strict=True):
         yield Iterate(Guess(Pose(rotation, position), exposure), **dict(zip(_PARTS, parts, strict=True)))

@@ -32,7 +32,7 @@ _LEAST_TOLD = 1e-6
 
 
 class PixelDraw(Enum):
-    """How pixels are chosen; the value is what a user reads."""
+    """Selection of pixels; the value is the user's text."""
 
     FEATURES = "around image features"
     INFORMATION = "by how much they tell about the pose"
@@ -41,7 +41,7 @@ class PixelDraw(Enum):
 
 
 class PixelSource(Enum):
-    """Where the compared pixels come from; the value is what a user reads."""
+    """Origin of the compared pixels; the value is the user's text."""
 
     FEATURES = "all pixels lie around image features"
     FILLED = "there were too few pixels around features: others were drawn from the whole picture"
@@ -53,13 +53,13 @@ class PixelSource(Enum):
 
 @dataclass(frozen=True)
 class PixelConfig:
-    """How pixels are chosen."""
+    """Options of the selection of pixels."""
 
     count: int = 256
     """Pixels compared in an update of the paper's filter (paper: 256; the authors' later code: 1,024); the fast
     filter's number and draw are its pyramid's."""
     draw: PixelDraw = PixelDraw.FEATURES
-    """How they are chosen (paper: around features)."""
+    """Selection (paper: around features)."""
     candidates: int = 2
     """Where information counts: times as many pixels of the whole picture are asked what they tell."""
     features: int = 500
@@ -74,16 +74,16 @@ class PixelConfig:
 
 @dataclass(frozen=True)
 class PixelChoice:
-    """The chosen pixels."""
+    """Chosen pixels, with their origin."""
 
     pixels: Int[Tensor, "m 2"]
     """(u, v), all different."""
     source: PixelSource
-    """Where they come from."""
+    """Origin of the pixels."""
 
 
 def feature_mask(image: UInt8[Tensor, "height width 3"], config: PixelConfig) -> Bool[Tensor, "height width"]:
-    """Which pixels lie around ORB features."""
+    """Return the mask of pixels around ORB features."""
     grey = cv2.cvtColor(np.ascontiguousarray(image.cpu().numpy()), cv2.COLOR_RGB2GRAY)
     detector = cv2.ORB_create(  # pyright: ignore[reportAttributeAccessIssue]
         nfeatures=config.features, edgeThreshold=config.edge_px, fastThreshold=config.fast_threshold
@@ -131,16 +131,16 @@ def _around_features(
 
 
 def _source(config: PixelConfig, near: int) -> PixelSource:
-    """Where pixels come from of which so many lie around features, and others do not."""
+    """Return the origin of pixels of which so many lie around features, and others do not."""
     if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
         return PixelSource.BOTH if near else PixelSource.INFORMATION
     return PixelSource.FILLED if near else PixelSource.UNIFORM
 
 
 def draw_by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
-    """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006).
+    """Draw `count` of m pixels by leverage, without replacement (Efraimidis and Spirakis 2006).
 
-    Derivatives that are no numbers tell nothing.
+    Derivatives that are not finite count as 0.
     """
     flat = slopes.double().nan_to_num(0, 0, 0).flatten(0, 1)
     information = flat.T @ flat

@@ -12,14 +12,17 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
-from nerfnav.estimator.photometric.residuals import Observation
+from nerfnav.estimator.photometric.residuals import FieldCamera, Observation
 from nerfnav.field import Field, GridField
 from nerfnav.geometry import Camera, Pose, downsample_image
+
+_LONGEST = 320
+"""Longer edge of a picture beyond which a field shows no more [pixels]."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One part of a descent."""
+    """Stage of a descent, at one size of the picture."""
 
     halvings: int
     """The picture is reduced by 2 to this."""
@@ -31,13 +34,13 @@ class Stage:
     """Pixels compared at most."""
     kept: int | None
     """Poses that go on from here, the likeliest; None: a third of them."""
-    told: bool = True
-    """Whether each step is told, or the last one alone."""
+    every: bool = True
+    """Yield each step; False: the last one alone."""
 
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """How the fast filter looks again where a descent seems to have ended in a false minimum.
+    """Options of the search for other minima, where a descent seems to have ended in a false one.
 
     What little shows in a poor picture is lost when it is made smaller. So here random states of the prediction are
     compared with the picture at full size, around its features, and the likeliest are improved, ever fewer of them. The
@@ -73,14 +76,14 @@ class SearchConfig:
     """Poses that are left after each stage."""
 
     def stages(self, last: int) -> list[Stage]:
-        """All at full size, the last one at so many pixels."""
+        """Return all stages, at full size, the last one at so many pixels."""
         table = zip(self.robust, self.iterations, (*self.pixels, last), self.kept, strict=True)
-        return [Stage(0, *row, told=False) for row in table]
+        return [Stage(0, *row, every=False) for row in table]
 
 
 @dataclass(frozen=True)
 class PyramidConfig:
-    """How the fast filter goes from coarse to fine."""
+    """Options of the descent from coarse to fine."""
 
     halvings: tuple[int, ...] = (2, 1, 0, 0)
     """Each stage's picture is reduced by 2 to this; those that are not are compared at chosen pixels."""
@@ -94,12 +97,12 @@ class PyramidConfig:
     """Variance of colours grows by this with every halving: coarse fields are poor likenesses, and must not drag a good
     prediction away."""
     misplaced: float = 0.05
-    """How far a learned field's surfaces stand from their places [share of the distance of its nodes]: colours that are
+    """Distance of a learned field's surfaces from their places [share of the distance of its nodes]: colours that are
     steep there count less (see levenberg_marquardt.py)."""
     pixels: int = 768
     """Pixels compared in the end, at most."""
     draw: PixelDraw = PixelDraw.BOTH
-    """How those are chosen."""
+    """Selection of those."""
     coarse_pixels: int = 192
     """Pixels compared in each stage before that, at most: these only lead to where the last one begins."""
     stretch: float = 2.0
@@ -116,9 +119,9 @@ class PyramidConfig:
     rays: int = 12_000
     """Rays that one stage before the last follows at most: many poses are compared at fewer pixels each."""
     narrow: float = 2.4
-    """Spread of the prediction, in pixels of the first stage, from which one start may not be enough."""
+    """Standard deviation of the prediction, in pixels of the first stage, from which one start may not be enough."""
     search: SearchConfig = field(default_factory=SearchConfig)
-    """What follows where the result is doubtful."""
+    """Search where the result is doubtful."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for steps that would be shortened, or go back."""
@@ -126,28 +129,28 @@ class PyramidConfig:
             raise InvalidInputError(f"stretch must be a number, at least 1, not {self.stretch:g}")
 
     def pixels_at(self, stage: int) -> int:
-        """Pixels compared in a stage."""
+        """Return the number of pixels compared in a stage."""
         return self.pixels if stage + 1 >= len(self.halvings) else min(self.pixels, self.coarse_pixels)
 
     def stages(self, many: bool) -> list[Stage]:
-        """From coarse to fine; the last but one leaves one pose, and each before the last is told as one step."""
+        """Return all stages; the last but one leaves one pose, and each before the last is yielded as one step."""
         table = list(zip(self.halvings, self.robust, self.iterations, strict=True))
         last = len(table) - 1
         return [
             Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels_at(index),
-                  1 if index + 1 >= last else None, told=index == last)
+                  1 if index + 1 >= last else None, every=index == last)
             for index, (halvings, robust, most) in enumerate(table)
         ]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class View:
-    """What looks at what: the field at all levels of sharpness, and the camera on its mount."""
+    """Field at all levels of sharpness, and a camera on its mount."""
 
     levels: tuple[Field, ...]
     """The field, and ever coarser ones (see field/models/levels.py)."""
     camera: Camera
-    """What takes the pictures."""
+    """Camera of the pictures."""
     mount: Pose
     """T_body_camera."""
 
@@ -155,21 +158,33 @@ class View:
     def grain(self) -> float:
         """Distance of the field's nodes [m]; 0 where it is no grid."""
         field = self.levels[0]
-        return float(field.spacing.max()) if isinstance(field, GridField) else 0.0
+        return field.resolution if isinstance(field, GridField) else 0.0
 
-    def at(self, halvings: int) -> tuple[Field, Camera, Pose]:
-        """Field, camera and mount for pictures that were reduced by 2^halvings."""
+    def at(self, halvings: int) -> FieldCamera:
+        """Return field and camera for pictures reduced by 2^halvings."""
         camera = self.camera.scaled(0.5**halvings) if halvings else self.camera
-        return self.levels[min(halvings, len(self.levels) - 1)], camera, self.mount
+        return FieldCamera(self.levels[min(halvings, len(self.levels) - 1)], camera, self.mount)
 
 
 def observe_reduced(
-    image: UInt8[Tensor, "height width 3"], view: tuple[Field, Camera, Pose], count: int | None, seed: torch.Generator
+    image: UInt8[Tensor, "height width 3"], view: FieldCamera, count: int | None, seed: torch.Generator
 ) -> Observation:
-    """A picture reduced to the view's camera, at `count` pixels drawn evenly, or at all of them (None)."""
-    camera = view[1]
+    """Reduce a picture to the view's camera, at `count` pixels drawn evenly, or at all of them (None)."""
+    camera = view.camera
     colors, every = downsample_image(image, camera), camera.width * camera.height
     if count is None or count >= every:
         return Observation(*view, camera.pixels(), colors)
     drawn = torch.randperm(every, generator=seed)[:count]
     return Observation(*view, torch.stack([drawn % camera.width, drawn // camera.width], -1), colors[drawn])
+
+
+def reduce_camera(camera: Camera, longest: int = _LONGEST) -> Camera:
+    """Return the camera with at most `longest` pixels along its longer edge: a field shows no more."""
+    return camera.scaled(min(1.0, longest / max(camera.width, camera.height)))
+
+
+def resize_picture(image: UInt8[Tensor, "height width 3"], camera: Camera) -> UInt8[Tensor, "h w 3"]:
+    """Return a picture with the pixels of another resolution of its camera."""
+    if tuple(image.shape[:2]) == (camera.height, camera.width):
+        return image
+    return (255 * downsample_image(image, camera)).round().to(torch.uint8).reshape(camera.height, camera.width, 3)

@@ -9,6 +9,7 @@ that err alike: S = k s^2 I.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -35,7 +36,7 @@ _DEVIATION_PER_MAD = 1.4826
 
 @dataclass(frozen=True)
 class ColorNoise:
-    """How far a field's colours are from a picture's when the pose is right."""
+    """Noise of colours: differences of field and picture at the right pose."""
 
     std: float = 0.05
     """s, of one colour channel [1 = full scale]; measured on held-out views of each field (authors' code: 1)."""
@@ -54,26 +55,37 @@ class ColorNoise:
     """Pixels this many robust deviations above the median difference are dropped (authors' later code: none)."""
 
     def measured(self, std: float | None) -> "ColorNoise":
-        """The same with the `std` that was measured for a field (`field.info.noise_std`); None changes nothing."""
+        """Return the noise with the measured `std` of a field (`field.info.noise_std`); None changes nothing."""
         return self if std is None else replace(self, std=std)
 
     def alike_of(self, pixels: int, patches: float) -> float:
-        """k of this many pixels of a picture of so many patches."""
+        """Return k of so many pixels of a picture of so many patches."""
         return 1 + pixels / (self.per_patch * patches)
 
     def doubt(self, squares: float, patches: float) -> float:
-        """How many times less a picture tells than held-out views promise, by the mean square of its differences."""
+        """Return how many times less a picture tells than held-out views do, by the mean square of its differences."""
         return max(1.0, squares / self.std**2) * max(1.0, self.few_patches / patches) ** 2
+
+
+class FieldCamera(NamedTuple):
+    """A camera in a field."""
+
+    field: Field
+    """Map."""
+    camera: Camera
+    """Camera of the pictures."""
+    mount: Pose
+    """T_body_camera."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """Some pixels of a picture, and what is needed to predict them."""
+    """Pixels of a picture, with the field and the camera that predict them."""
 
     field: Field
-    """What the picture should look like."""
+    """Map."""
     camera: Camera
-    """What took the picture."""
+    """Camera of the picture."""
     mount: Pose
     """T_body_camera."""
     pixels: Int[Tensor, "m 2"]
@@ -86,13 +98,13 @@ class Observation:
         cls,
         image: UInt8[Tensor, "height width 3"],
         pixels: Int[Tensor, "m 2"],
-        view: tuple[Field, Camera, Pose],
+        view: FieldCamera,
     ) -> "Observation":
-        """The given pixels of a picture; `view` is (field, camera, mount)."""
+        """Read the given pixels of a picture."""
         return cls(*view, pixels, image[pixels[:, 1], pixels[:, 0]].float() / 255)
 
     def exposed(self, exposure: Float[Tensor, "2"]) -> "Observation":
-        """With the colours that the field should show, if this is the camera's gain less one, and bias."""
+        """Return the colours that the field should show, if this is the camera's gain less one, and bias."""
         return replace(self, colors=(self.colors - exposure[1]) / (1 + exposure[0]))
 
     def rays(self, state: RigidState) -> tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]:
@@ -101,11 +113,11 @@ class Observation:
 
     @torch.no_grad()
     def samples(self, state: RigidState) -> RaySamples:
-        """Where the field wants the pixels' rays sampled."""
+        """Return the field's own samples along the pixels' rays."""
         return self.field.samples(*self.rays(state))
 
     def linearised(self, poses: Pose) -> tuple[Float[Tensor, "n m 3"], Float[Tensor, "n m 3 6"]]:
-        """What the field shows from body poses (n,), and its derivative by position [1/m] and attitude [1/rad].
+        """Return the field's colours from body poses (n,), and their derivative by position [1/m] and attitude [1/rad].
 
         The body's tangent is (dp, dtheta): p + dp, R Exp(dtheta). Its camera at R mount + p then moves and turns by
 
@@ -123,10 +135,8 @@ class Observation:
         return colors.reshape(count, pixels, 3), jacobian.reshape(count, pixels, 3, 6)
 
     @classmethod
-    def slopes(
-        cls, pose: Pose, view: tuple[Field, Camera, Pose], pixels: Int[Tensor, "m 2"]
-    ) -> Float[Tensor, "m 3 6"]:
-        """Derivatives of any pixels' colours by the camera's motion, at one body pose: what they tell of it.
+    def slopes(cls, pose: Pose, view: FieldCamera, pixels: Int[Tensor, "m 2"]) -> Float[Tensor, "m 3 6"]:
+        """Return the derivatives of any pixels' colours by the camera's motion, at one body pose.
 
         By d(centre) [1/m] and d(turn) [1/rad], in the world's axes.
         """
@@ -140,7 +150,7 @@ class Observation:
             return colors_and_jacobian(blind.field, camera.position.expand_as(directions), directions)[1]
 
     def shown(self, poses: Pose) -> Float[Tensor, "n m 3"]:
-        """What the field shows from body poses (n,), without derivatives."""
+        """Return the field's colours from body poses (n,), without derivatives."""
         cameras = poses.compose(self.mount)
         directions = (self._in_camera @ cameras.rotation.transpose(-1, -2)).reshape(-1, 3)
         origins = cameras.position.repeat_interleave(len(self.pixels), 0)
@@ -155,7 +165,7 @@ class Observation:
 
     @cached_property
     def sight(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What the compiled descent asks for: directions in the camera (m, 3), colours (m, 3), R and p of the mount."""
+        """Arguments of the compiled descent: directions in the camera (m, 3), colours (m, 3), R and p of the mount."""
         directions, colors = (np.ascontiguousarray(part.numpy(), np.float32) for part in (self._in_camera, self.colors))
         return directions, colors, self.mount.rotation.double().numpy(), self.mount.position.double().numpy()
 
@@ -166,7 +176,7 @@ class Observation:
         return _directions(self.camera)[self.pixels[:, 1] * self.camera.width + self.pixels[:, 0]]
 
     def residual(self, state: RigidState, samples: RaySamples | None = None) -> Float[Tensor, "m 3"]:
-        """r_i: what the field shows less what the picture shows, differentiable twice in the state's pose.
+        """Return r_i: the field's colours less the picture's, differentiable twice in the state's pose.
 
         `samples` are the field's own for this state by default. The same as `render_rays`, but the field is not
         asked about the padding, which is most of the table.
@@ -188,7 +198,7 @@ def _directions(camera: Camera) -> Float[Tensor, "hw 3"]:
 
 
 def count_patches(image: UInt8[Tensor, "height width 3"], side: int = 10, noise_std: float = 0.0) -> float:
-    """How many patches of a picture, of `side` by `side`, share what it tells: 1 where all edges are in one of them.
+    """Count the patches of a picture, of `side` by `side`, that share its information: 1 where all edges are in one.
 
     With g a patch's sum of squared differences between neighbouring pixels, that is (sum g)^2 / sum g^2, times the
     share of g that stands out from errors of the field of `noise_std` [1 = full scale]: a patch whose colours vary by v
@@ -200,18 +210,18 @@ def count_patches(image: UInt8[Tensor, "height width 3"], side: int = 10, noise_
     energy[1:] += grey.diff(dim=0).square()
     moments = torch.nn.functional.adaptive_avg_pool2d(torch.stack([energy, grey, grey.square()])[None], side)[0]
     shares, spread = moments[0], (moments[2] - moments[1].square()).clamp_min(0)
-    told = shares * spread / (spread + (255 * noise_std) ** 2 + 1e-9)
-    return max(1.0, float(shares.sum() * told.sum() / shares.square().sum().clamp_min(1e-9)))
+    share = shares * spread / (spread + (255 * noise_std) ** 2 + 1e-9)
+    return max(1.0, float(shares.sum() * share.sum() / shares.square().sum().clamp_min(1e-9)))
 
 
 def difference(residual: Float[Tensor, "m 3"]) -> Float[Tensor, " m"]:
-    """Colour difference of each pixel, root mean square over the channels, in [0, 1]."""
+    """Return the colour difference of each pixel, root mean square over the channels, in [0, 1]."""
     return residual.square().mean(-1).sqrt()
 
 
 @torch.no_grad()
 def inliers(residual: Float[Tensor, "m 3"], noise: ColorNoise) -> Bool[Tensor, " m"]:
-    """Which pixels to believe: those less than so many robust deviations above the median difference.
+    """Return the mask of inliers: those less than so many robust deviations above the median difference.
 
     A pixel within as many standard deviations of the noise is always believed, however alike the others are.
     """
@@ -219,7 +229,7 @@ def inliers(residual: Float[Tensor, "m 3"], noise: ColorNoise) -> Bool[Tensor, "
 
 
 def are_inliers(size: Float[Tensor, " m"], noise: ColorNoise) -> Bool[Tensor, " m"]:
-    """The same by the sizes of their differences."""
+    """Return the mask of inliers by the sizes of their differences."""
     median = size.median()
     spread = _DEVIATION_PER_MAD * (size - median).abs().median()
     plain = torch.full_like(median, noise.outlier_deviations * noise.std)
@@ -229,12 +239,12 @@ def are_inliers(size: Float[Tensor, " m"], noise: ColorNoise) -> Bool[Tensor, " 
 def photometric_cost(
     residual: Float[Tensor, "m 3"], believed: Bool[Tensor, " m"], noise: ColorNoise
 ) -> Float[Tensor, ""]:
-    """J_photo; pixels that are not believed count nothing and pull nowhere."""
+    """Return J_photo of the inliers."""
     return (residual.square().sum(-1) * believed).sum() / (noise.alike * noise.std**2)
 
 
 def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
-    """What the field shows from body poses (n,) less what the picture shows."""
+    """Return the field's colours from body poses (n,) less the picture's."""
     grid = get_ray_grid(seen.field)
     with torch.no_grad(), threads(THREADS):
         if grid is None:
@@ -245,5 +255,5 @@ def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
 
 
 def array_of(tensor: Tensor) -> np.ndarray:
-    """A tensor as kernels have it: of 64 bits, in one piece."""
+    """Convert a tensor for kernels: 64 bits, contiguous."""
     return np.ascontiguousarray(tensor.detach().double().numpy())

@@ -23,25 +23,25 @@ _MOST_TILTS = 24
 
 
 def encode_views(poses: Pose) -> tuple[float, ...]:
-    """The numbers of poses T_world_camera, batch shape (n,): of evenly many of them, where there are too many."""
+    """Encode poses T_world_camera, batch shape (n,): of evenly many of them, where there are too many."""
     poses = poses[torch.linspace(0, len(poses.position) - 1, min(_MOST, len(poses.position))).round().long()]
     numbers = torch.cat([poses.position, so3.quaternion_from_matrix(poses.rotation)], 1)
     return tuple(round(number, _DIGITS) for number in numbers.flatten().tolist())
 
 
 def decode_views(numbers: tuple[float, ...]) -> Pose:
-    """The poses T_world_camera of `numbers`, batch shape (n,)."""
+    """Decode the poses T_world_camera of `numbers`, batch shape (n,)."""
     parts = torch.tensor(numbers).reshape(-1, 7)
     return Pose(so3.matrix_from_quaternion(parts[:, 3:]), parts[:, :3])
 
 
 def transform_views(numbers: tuple[float, ...], similarity: Similarity) -> tuple[float, ...]:
-    """The numbers of the poses in a place that was put right."""
+    """Return the numbers of the poses in a place that was aligned by a similarity."""
     return encode_views(similarity.pose(decode_views(numbers))) if numbers else ()
 
 
 def list_places_near(views: Pose) -> Float[Tensor, "m 3"]:
-    """Where the cameras stood, and halfway to the nearest others [m]."""
+    """Return the places of the cameras, and those halfway to the nearest others [m]."""
     at = views.position
     apart = torch.cdist(at, at) + torch.diag(torch.full((len(at),), torch.inf))
     nearest = apart.topk(min(_NEIGHBOURS, len(at) - 1), largest=False).indices
@@ -49,7 +49,7 @@ def list_places_near(views: Pose) -> Float[Tensor, "m 3"]:
 
 
 def list_tilts_near(views: Pose) -> Float[Tensor, "t 3 3"]:
-    """How the cameras' carriers were held but for their heading, each attitude once."""
+    """Return the attitudes of the cameras' carriers but for their heading, each once."""
     bodies = views.rotation @ FORWARD_MOUNT.rotation.T
     left = so3.from_yaw(-so3.yaw_of(bodies)) @ bodies
     tilts: list[Tensor] = []

@@ -2,11 +2,11 @@
 
 Panoramas from everywhere are rendered once for a field (panorama.py). A picture is compared with all of these at
 every heading and some tilts, the likeliest poses are improved on small pictures (levenberg_marquardt.py), the best
-few of them on larger ones, and so on; what is left is weighed by its cost J, for a pose is as likely as
-exp(-J / 2). The places may be everywhere or a few likely ones (searcher.py).
+few of them on larger ones, and so on; the rest is weighed by its cost J, for a pose is as likely as exp(-J / 2). The
+places may be everywhere or a few likely ones (localizer.py).
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from enum import Enum
@@ -50,10 +50,10 @@ _INDEPENDENT = 20.0
 
 @dataclass(frozen=True)
 class RelocaliseConfig:
-    """How the search goes."""
+    """Options of the search."""
 
     looks: PanoramaConfig = dataclass_field(default_factory=PanoramaConfig)
-    """From where the field is looked at."""
+    """Places of the panoramas."""
     halvings: tuple[int, ...] = (3, 2, 1, 0)
     """By which power of 2 the pictures of each stage are reduced."""
     kept: tuple[int, ...] = (160, 24, 6, 3)
@@ -87,19 +87,19 @@ class RelocaliseConfig:
     more than 0.007 m and 0.010; one of the sky that was found 0.8 m away from where it was taken left 0.008 m and
     0.019."""
     views: tuple[float, ...] = ()
-    """How the photographs were taken that taught the field (`FieldInfo.views`), where that is known."""
+    """Poses of the photographs that the field learned from (`FieldInfo.views`); empty where they are unknown."""
 
     def for_field(self, info: FieldInfo) -> "RelocaliseConfig":
-        """The same with what a field remembers of its capture."""
+        """Return the options with the poses of a field's capture."""
         return replace(self, views=info.views)
 
     def in_place(self, size: float) -> "RelocaliseConfig":
-        """The same with lengths in metres, for a place whose longest edge is `size` [m]."""
+        """Return the options with lengths in metres, for a place whose longest edge is `size` [m]."""
         alike, vague = ((size * share, angle) for share, angle in (self.alike, self.vague))
         return replace(self, alike=alike, vague=vague, settled=min(1.0, size / _USUAL) * self.settled)
 
     def near(self) -> "RelocaliseConfig":
-        """The same for poses near to the capture's, which are few."""
+        """Return the options for poses near to the capture's, which are few."""
         kept = tuple(min(most, max(_LEAST_KEPT, most // _FEWER)) for most in self.kept)
         return replace(
             self,
@@ -112,7 +112,7 @@ class RelocaliseConfig:
 
 
 class RelocaliseOutcome(Enum):
-    """How a search ended; the value is advice for the user."""
+    """Outcome of a search; the value is advice for the user."""
 
     FOUND = "one place looks like the picture"
     AMBIGUOUS = "several places look like the picture: move and look again"
@@ -121,50 +121,70 @@ class RelocaliseOutcome(Enum):
 
 @dataclass(frozen=True)
 class RelocaliseStep:
-    """How far the search is."""
+    """Progress of a search."""
 
     fraction: float
-    """0 to 1."""
+    """Share of the search that is done, 0 to 1."""
     poses: Pose
     """T_world_camera of the likeliest poses so far, best first, batch shape (n,)."""
     weights: Float[Tensor, " n"]
     """How likely each is, summing to 1."""
     differences: Float[Tensor, " n"]
-    """How far each is from the picture: robust root mean square of colour, in [0, 1]."""
-    outcome: RelocaliseOutcome | None = None
-    """None while the search goes on; set on the last step."""
+    """Difference of each from the picture: robust root mean square of colour, in [0, 1]."""
 
     def body_poses(self, mount: Pose = FORWARD_MOUNT) -> Pose:
-        """T_world_body of all of them, for a camera at `mount` T_body_camera."""
+        """Return T_world_body of all poses, for a camera at `mount` T_body_camera."""
         inverse = mount.rotation.T
         return self.poses.compose(Pose(inverse, -inverse @ mount.position))
 
 
-@torch.no_grad()
-def relocalise(
-    image: Tensor, looks: PanoramaIndex, noise: ColorNoise, config: RelocaliseConfig | None = None
-) -> Iterator[RelocaliseStep]:
-    """Find the pose of the camera that took `image` (uint8, height x width x 3), from nothing.
+@dataclass(frozen=True)
+class RelocaliseResult:
+    """Result of a search."""
 
-    Yields after the first look and after each stage; the last step has the outcome and the few likeliest poses with
-    their weights. Raises InvalidInputError for a picture of another size.
+    outcome: RelocaliseOutcome
+    """Number of places that look like the picture."""
+    step: RelocaliseStep
+    """Last step: the likeliest poses with their weights."""
+
+
+Relocalisation = Generator[RelocaliseStep, None, RelocaliseResult]
+"""Search in progress: yields the likeliest poses so far, returns the result."""
+
+
+def relocalise(
+    image: Tensor, panoramas: PanoramaIndex, noise: ColorNoise, config: RelocaliseConfig | None = None
+) -> Relocalisation:
+    """Find the pose of the camera that took `image` (uint8, height x width x 3), without a prediction.
+
+    Yields after the first comparison and after each stage, and the result's step in the end. Raises InvalidInputError
+    for a picture of another size.
     """
-    config = RelocaliseConfig() if config is None else config
-    config = config.in_place(float(looks.view.levels[0].box.size.max()))
-    image = looks.fitted(image)
+    found = yield from search_panoramas(image, panoramas, noise, RelocaliseConfig() if config is None else config)
+    yield found.step
+    return found
+
+
+@torch.no_grad()
+def search_panoramas(
+    image: Tensor, panoramas: PanoramaIndex, noise: ColorNoise, config: RelocaliseConfig, share: float = 1.0
+) -> Relocalisation:
+    """Search as `relocalise` does, as a `share` of a longer search; the result's step is not yielded."""
+    config = config.in_place(float(panoramas.view.levels[0].box.size.max()))
+    image = panoramas.fitted(image)
     unit = noise.std**2 / _INDEPENDENT
     gain, bias = (unit / std**2 for std in config.exposure_std)
-    poses, misfit = looks.likeliest(image, config.attempts * config.kept[0], (gain, bias))
+    poses, misfit = panoramas.likeliest(image, config.attempts * config.kept[0], (gain, bias))
     first = _Ranking(poses, misfit / unit, misfit.clamp_min(0).sqrt())
-    search, ended, done = _Search(image, looks, noise, config), None, 0.0
-    while ended is None or (ended.outcome is RelocaliseOutcome.LOST and len(first.cost)):
+    search, best, done = _Search(image, panoramas, noise, config, share), None, 0.0
+    while best is None or (best.outcome is RelocaliseOutcome.LOST and len(first.cost)):
         mine, first = first[: config.kept[0]], first[config.kept[0] :]
-        ranking, left = yield from search.improved(mine, done)
-        if ended is None or ranking.differences[0] < ended.differences[0]:
-            ended = ranking.step(1.0)
-            ended = replace(ended, outcome=_outcome(ended, left, noise, config))
+        ranking, deviations = yield from search.improve(mine, done)
+        if best is None or ranking.differences[0] < best.step.differences[0]:
+            step = ranking.step(1.0)
+            best = RelocaliseResult(_judge(step, deviations, noise, config), step)
         done += 1 / config.attempts
-    yield ended
+    return best
 
 
 @dataclass(frozen=True)
@@ -181,41 +201,42 @@ class _Ranking(TensorStruct):
 
 @dataclass(frozen=True)
 class _Search:
-    """One picture that is searched for."""
+    """Search for one picture."""
 
     image: Tensor
-    looks: PanoramaIndex
+    panoramas: PanoramaIndex
     noise: ColorNoise
     config: RelocaliseConfig
+    share: float
 
-    def improved(
+    def improve(
         self, ranking: _Ranking, done: float
     ) -> Generator[RelocaliseStep, None, tuple[_Ranking, Float[Tensor, "2"]]]:
         """Improve poses through all stages; `done` is the share of the whole search that was done before.
 
-        Returns them, and the `spread` of the best.
+        Returns them, and the largest standard deviations of the best.
         """
-        config, generator, last = self.config, torch.Generator().manual_seed(0), None
+        config, generator, deviations = self.config, torch.Generator().manual_seed(0), torch.full((2,), torch.inf)
         exposure = join_information(None, config.exposure_std)
         stages = zip(config.halvings, config.kept, config.iterations, config.robust, strict=True)
         for stage, (halvings, kept, iterations, robust) in enumerate(stages):
             ranking = ranking[ranking.cost.argsort()[:kept]]
-            yield ranking.step(done + stage / (len(config.halvings) * config.attempts))
+            yield ranking.step(self.share * (done + stage / (len(config.halvings) * config.attempts)))
             last_one = stage + 1 == len(config.halvings)
             pixels = config.last_pixels if last_one and config.last_pixels is not None else config.pixels
-            seen = observe_reduced(self.image, self.looks.view.at(halvings), pixels, generator)
+            seen = observe_reduced(self.image, self.panoramas.view.at(halvings), pixels, generator)
             kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * self.noise.std**2)
             settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
-            *_, last = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
-            differences = robust_square(last.residual.abs(), robust).mean((1, 2)).sqrt()
-            ranking = _Ranking(last.guess.pose, last.cost, differences)
-            ranking = ranking[select_distinct(last.guess.pose, last.cost, config.alike)]
-        assert last is not None, "a search has at least one stage"
-        return ranking, spread(last)
+            *_, here = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
+            differences = robust_square(here.residual.abs(), robust).mean((1, 2)).sqrt()
+            deviations = _largest_deviations(here) if last_one else deviations
+            ranking = _Ranking(here.guess.pose, here.cost, differences)
+            ranking = ranking[select_distinct(here.guess.pose, here.cost, config.alike)]
+        return ranking, deviations
 
 
 def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:
-    """Which is the cheapest pose of each group of poses that are alike, cheapest first."""
+    """Return the indices of the cheapest pose of each group of alike poses, cheapest first."""
     order = cost.argsort()
     poses = poses[order]
     chosen: list[int] = []
@@ -228,21 +249,21 @@ def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, 
     return order[torch.tensor(chosen)]
 
 
-def spread(here: Iterate) -> Float[Tensor, "2"]:
-    """Largest standard deviations that a picture leaves to the likeliest pose: position [m], attitude [rad]."""
+def _largest_deviations(here: Iterate) -> Float[Tensor, "2"]:
+    """Return the largest standard deviations of the likeliest pose after a picture: position [m], attitude [rad]."""
     known = picture_information(here, int(here.cost.argsort()[0])).double()
     covariance = torch.linalg.inv(known + _NOTHING * torch.eye(6).double())
     parts = [torch.linalg.eigvalsh(covariance[part, part])[-1].sqrt() for part in (slice(0, 3), slice(3, 6))]
     return torch.stack(parts).float()
 
 
-def _outcome(
-    step: RelocaliseStep, left: Float[Tensor, "2"], noise: ColorNoise, config: RelocaliseConfig
+def _judge(
+    step: RelocaliseStep, deviations: Float[Tensor, "2"], noise: ColorNoise, config: RelocaliseConfig
 ) -> RelocaliseOutcome:
-    """`left` is the spread of the likeliest pose."""
+    """Return the outcome by the fit, the weight and the standard deviations of the likeliest pose."""
     if not step.differences[0] <= config.gate * noise.std:
         return RelocaliseOutcome.LOST
     noisier = max(1.0, noise.std / _NOISY)
     vague = torch.minimum(noisier * torch.tensor(config.vague), 0.5 * torch.tensor(config.alike))
-    tells = bool((left <= vague).all())
-    return RelocaliseOutcome.FOUND if tells and step.weights[0] >= config.certain else RelocaliseOutcome.AMBIGUOUS
+    sharp = bool((deviations <= vague).all())
+    return RelocaliseOutcome.FOUND if sharp and step.weights[0] >= config.certain else RelocaliseOutcome.AMBIGUOUS

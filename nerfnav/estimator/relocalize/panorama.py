@@ -7,7 +7,7 @@ every place needs three sums over cells,
     sum w_i P_{i+s},   sum w_i |P_{i+s}|^2,   sum w_i x_i P_{i+s},
 
 which are correlations along the rows: products of their Fourier transforms, for all places at once. With <> the mean
-over weights and channels, and d = x - P, they tell how well the camera's gain 1 + h and bias b explain the picture,
+over weights and channels, and d = x - P, they give how well the camera's gain 1 + h and bias b explain the picture,
 
     min over h, b of <(d - h P - b)^2> + k_h h^2 + k_b b^2 = <d^2> - s' [<P^2> + k_h, <P>; <P>, 1 + k_b]^-1 s
 
@@ -16,7 +16,6 @@ place explain a picture of hardly any contrast.
 
 `PanoramaIndex` holds the panoramas of one field: they are rendered once and compared with many pictures.
 """
-
 
 import math
 from collections.abc import Generator
@@ -30,7 +29,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import threads
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator.photometric.pyramid import View
+from nerfnav.estimator.photometric.pyramid import View, resize_picture
 from nerfnav.estimator.photometric.residuals import THREADS
 from nerfnav.field import FastRenderer, Field, build_levels, render_rays
 from nerfnav.geometry import (
@@ -73,12 +72,12 @@ class Panoramas:
 
     @classmethod
     def of(cls, field: Field, places: Float[Tensor, "n 3"]) -> "Panoramas":
-        """Look all around from every place [m]."""
-        return run_steps(cls.looking(field, places))
+        """Render panoramas from every place [m]."""
+        return run_steps(cls.render(field, places))
 
     @classmethod
-    def looking(cls, field: Field, places: Float[Tensor, "n 3"]) -> Generator[float, None, "Panoramas"]:
-        """The same step by step; yields the share of the places that was looked from."""
+    def render(cls, field: Field, places: Float[Tensor, "n 3"]) -> Generator[float, None, "Panoramas"]:
+        """Render step by step; yields the share of the places that is done."""
         directions = _directions().reshape(-1, 3)
         render = field.render_rays if isinstance(field, FastRenderer) else partial(render_rays, field)
         parts, batches = [], places.split(_PLACES_AT_ONCE)
@@ -100,7 +99,7 @@ class Panoramas:
         tilts: Float[Tensor, "t 3 3"],
         exposure: tuple[float, float],
     ) -> Float[Tensor, "n t h"]:
-        """How badly pixels fit, as a mean square, for each place, tilt and heading; `exposure` is (k_h, k_b).
+        """Return the misfit of pixels, as a mean square, for each place, tilt and heading; `exposure` is (k_h, k_b).
 
         `colors` in [0, 1]; `directions` are unit vectors in the level frame of a carrier that looks along x (FLU), and
         a carrier's attitude is Rz(h COLUMN) tilt.
@@ -162,7 +161,7 @@ def _directions() -> Float[Tensor, "r c 3"]:
 def _laid(
     colors: Float[Tensor, "m 3"], directions: Float[Tensor, "m 3"]
 ) -> tuple[Float[Tensor, "r c"], Float[Tensor, "r c 3"]]:
-    """How many of the pixels fall into each cell, and their mean colour."""
+    """Return the number of pixels in each cell, and their mean colour."""
     x, y, z = directions.unbind(-1)
     column = torch.round(torch.atan2(y, x) / COLUMN).long() % _COLUMNS
     row = torch.floor((torch.asin(z.clamp(-1, 1)) / _HIGHEST + 1) / 2 * _ROWS).long()
@@ -190,7 +189,7 @@ _ITSELF = Pose(torch.eye(3), torch.zeros(3))
 
 @dataclass(frozen=True)
 class PanoramaConfig:
-    """From where a field is looked at."""
+    """Options of the panoramas."""
 
     spacing: float = 0.046
     """Distance of the places that are looked from [longest edges of the box]; wider where there would be too many."""
@@ -207,7 +206,7 @@ class PanoramaConfig:
 
 @dataclass(frozen=True)
 class PanoramaIndex:
-    """What a field looks like from everywhere: made once, asked often."""
+    """Panoramas of a field from many places: rendered once, compared with many pictures."""
 
     camera: Camera
     """What takes the pictures."""
@@ -227,15 +226,14 @@ class PanoramaIndex:
         config: PanoramaConfig | None = None,
         tilts: Float[Tensor, "t 3 3"] | None = None,
     ) -> "PanoramaIndex":
-        """Look from all `places` [m] that are at least `spacing` apart, all around; with `tilts` from all places, held
-        like that.
+        """Render from all `places` [m] at least `spacing` apart; with `tilts` from all places, held like that.
 
         Raises InvalidInputError where there is no place to look from.
         """
-        return run_steps(cls.looking(field, camera, places, config, tilts))
+        return run_steps(cls.render(field, camera, places, config, tilts))
 
     @classmethod
-    def looking(
+    def render(
         cls,
         field: Field,
         camera: Camera,
@@ -252,23 +250,20 @@ class PanoramaIndex:
         if tilts is None:
             places = thin_places(places, config.spacing * float(field.box.size.max()), config.most_places)
             tilts = list_tilts(config.pitches, config.rolls)
-        panoramas = yield from Panoramas.looking(view.levels[-1], places)
+        panoramas = yield from Panoramas.render(view.levels[-1], places)
         return cls(camera, view, panoramas, tilts)
 
     def fitted(self, image: UInt8[Tensor, "height width 3"]) -> UInt8[Tensor, "h w 3"]:
-        """A picture with the pixels of `view`. Raises InvalidInputError for one that is not the camera's."""
+        """Resize a picture to the pixels of `view`. Raises InvalidInputError for one that is not the camera's."""
         check_image(image, self.camera)
-        small = self.view.camera
-        if small.width == self.camera.width:
-            return image
-        return (255 * downsample_image(image, small)).round().to(torch.uint8).reshape(small.height, small.width, 3)
+        return resize_picture(image, self.view.camera)
 
     def likeliest(
         self, image: UInt8[Tensor, "h w 3"], most: int, exposure: tuple[float, float]
     ) -> tuple[Pose, Float[Tensor, " m"]]:
-        """The poses T_world_camera, `most` of them, from which the field looks most like a picture, best first.
+        """Return the poses T_world_camera, `most` of them, from which the field looks most like a picture, best first.
 
-        Told with their misfits, mean squares of colour (see `Panoramas.misfit`, also for `exposure`). Only headings
+        Returned with their misfits, mean squares of colour (see `Panoramas.misfit`, also for `exposure`). Only headings
         that fit better than their neighbours on either side count.
         """
         halvings = max(0, math.floor(math.log2(max(1.0, 0.5 * COLUMN * self.view.camera.fx))))

@@ -5,7 +5,7 @@ nerfnav/field/storage/checkpoint.py has the table of codecs, and puts what they 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,25 +18,30 @@ class StoredField(Field, Protocol):
 
     @property
     def info(self) -> FieldInfo:
-        """Where it comes from and how good it is."""
+        """Origin and quality of the field."""
         ...
 
     @property
     def step(self) -> float:
-        """Distance of samples along rays [m]: nothing that the field tells is finer."""
+        """Distance of samples along rays [m]: the field holds nothing finer."""
         ...
 
 
-Encoded = tuple[dict[str, Any], dict[str, np.ndarray]]
-"""A header of what JSON can hold, and named arrays."""
+class Encoded(NamedTuple):
+    """A field as a file holds it."""
+
+    header: dict[str, Any]
+    """Values that JSON can hold."""
+    arrays: dict[str, np.ndarray]
+    """Arrays by their names."""
 
 
 @dataclass(frozen=True)
 class FieldCodec:
-    """How one kind of field is kept in files."""
+    """Codec of one kind of field."""
 
     name: str
-    """What the header of such a file says: its format."""
+    """Format, as the header of a file says it."""
     version: int
     """Of the format; raised whenever older programs could not read what is written."""
     type: type[Any]
@@ -44,5 +49,5 @@ class FieldCodec:
     encode: Callable[[Any], Encoded]
     """Header and arrays of a field; format and version are added to the header, under these names."""
     decode: Callable[[Mapping[str, Any], Mapping[str, np.ndarray]], StoredField]
-    """The field of a header and arrays, of this version or an older one, which header["version"] tells. Where they are
-    not whole it raises KeyError, TypeError, ValueError or RuntimeError, which `load_field` puts into a sentence."""
+    """The field of a header and arrays, of this version or an older one, as header["version"] says. Where they are not
+    whole it raises KeyError, TypeError, ValueError or RuntimeError, which `load_field` puts into a sentence."""

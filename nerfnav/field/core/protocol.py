@@ -21,12 +21,12 @@ LAST_SAMPLE = 0.499
 
 @dataclass(frozen=True)
 class RaySamples:
-    """Where n rays are sampled: rows padded to the length of the longest."""
+    """Samples of n rays: rows padded to the length of the longest."""
 
     distances: Float[Tensor, "n s"]
     """Distance of each sample from its ray's origin [m], ascending; 0 where padded."""
     mask: Bool[Tensor, "n s"]
-    """Which entries are samples and not padding."""
+    """Entries that are samples and not padding."""
     step: float
     """Length of ray that each sample stands for [m]."""
 
@@ -37,12 +37,17 @@ class Field(Protocol):
 
     @property
     def box(self) -> Box:
-        """Where the field is defined."""
+        """Domain of the field."""
         ...
 
     @property
     def background(self) -> Float[Tensor, "3"]:
         """Colour of a ray that nothing stops, in [0, 1]; all colours are sRGB, as in photographs."""
+        ...
+
+    @property
+    def resolution(self) -> float:
+        """Distance of neighbouring nodes [m], the largest of the three axes; of samples, for a field without nodes."""
         ...
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
@@ -54,7 +59,7 @@ class Field(Protocol):
         ...
 
     def samples(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> RaySamples:
-        """Where to sample rays so that what is left out changes no colour by more than about 1e-3."""
+        """Sample rays so that what is left out changes no colour by more than about 1e-3."""
         ...
 
 
@@ -63,7 +68,7 @@ class FastDensity(Protocol):
     """A field that has densities and their gradients faster than autograd."""
 
     def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the function of this name says."""
+        """Density and gradient, as the function of this name gives them."""
         ...
 
 

@@ -10,7 +10,6 @@ Colour. A voxel has one colour from everywhere: the mean over directions, each w
 node towards it.
 """
 
-
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
@@ -22,9 +21,10 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.kernels.resample import add_moments
-from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry import (
     Box,
@@ -113,7 +113,7 @@ def moments(points: Refined) -> Grid:
 
 
 MOST_NODES = 30_000_000
-"""Fitting looks at eight points for each node."""
+"""Fitting takes eight points for each node."""
 _AT_ONCE = 1 << 16
 _NODES_ALONG = 160
 _LEAST_LIGHT = 0.1  # share of a node's light: what less of it reaches hardly sees the node
@@ -121,20 +121,20 @@ _LEAST_LIGHT = 0.1  # share of a node's light: what less of it reaches hardly se
 
 @dataclass(frozen=True)
 class BakeConfig:
-    """How a field is baked."""
+    """Settings of baking a field."""
 
     voxel: float | None = None
     """Distance of nodes [m]; None: a 160th of the longest edge of the box."""
     directions: int = 14
-    """From how many directions colours are taken."""
+    """Number of directions from which colours are taken."""
     sweeps: int = 12
-    """How many times raw densities are corrected."""
+    """Number of corrections of the raw densities."""
     opaque: float = 8.0
     """Optical depth of a voxel beyond which nothing is seen to change; densities are cut there."""
     empty_below: float = 0.002
     """Optical depth of a voxel under which it is empty."""
     views: int = 8
-    """How many views from around the box the two fields are compared in."""
+    """Number of views from around the box in which the two fields are compared."""
     size: int = 96
     """Width and height of those [pixels]."""
     fov_deg: float = 50.0
@@ -144,21 +144,17 @@ class BakeConfig:
 
 
 @dataclass(frozen=True)
-class BakeStep:
-    """Where baking stands."""
+class EditStep:
+    """Progress of editing a field: of baking or moving it."""
 
     label: str
-    """What is being done."""
+    """Current phase, for the user."""
     fraction: float
     """Share of the work that is done, 0 to 1."""
-    psnr_db: float | None = None
-    """Peak signal-to-noise ratio between the two fields over all views [dB]; set on the last step."""
-    field: VoxelField | None = None
-    """The baked field, whose info notes the PSNR; set on the last step."""
 
 
-def bake(field: Field, config: BakeConfig | None = None) -> Generator[BakeStep, None, None]:
-    """Bake `field` on a grid of its box, on its box's device and then the CPU; the last step carries the result.
+def bake(field: Field, config: BakeConfig | None = None) -> Generator[EditStep, None, VoxelField]:
+    """Bake `field` on a grid of its box, on its box's device and then the CPU; its info notes the PSNR of the result.
 
     Raises InvalidInputError where the voxels make no sense.
     """
@@ -167,27 +163,28 @@ def bake(field: Field, config: BakeConfig | None = None) -> Generator[BakeStep, 
     voxel = float(box.size.max()) / _NODES_ALONG if config.voxel is None else config.voxel
     if not voxel > 0 or box.size.double().prod().item() / voxel**3 > MOST_NODES:
         raise InvalidInputError(f"voxels of {voxel:g} m in a box of {box.describe()} are more than {MOST_NODES}")
-    yield BakeStep("looking for what is solid", 0.0)
+    yield EditStep("looking for what is solid", 0.0)
     shape = shape_for(box, voxel)
     cells = _solid_cells(field, box, shape, config.empty_below / voxel)
     points = torch.zeros([2 * count for count in cells.shape])
     for share in _measure(field, box, cells, config.opaque / voxel, points):
-        yield BakeStep("measuring densities", 0.1 + 0.4 * share)
+        yield EditStep("measuring densities", 0.1 + 0.4 * share)
     raw = fitted(moments(points), config.sweeps, config.empty_below / voxel)
-    yield BakeStep("measuring colours", 0.55)
+    yield EditStep("measuring colours", 0.55)
     values = torch.cat([raw[..., None], torch.full((*shape, 3), 0.5)], -1)
     baked = VoxelField(box, values, field.background.cpu(), getattr(field, "info", FieldInfo()))
     for share in _color(field, baked, config.directions):
-        yield BakeStep("measuring colours", 0.55 + 0.35 * share)
+        yield EditStep("measuring colours", 0.55 + 0.35 * share)
     poses = sample_views(box, config.views, config.distance)
     psnr = likeness(field, baked, poses, Camera.from_fov(config.size, config.size, config.fov_deg))
-    yield BakeStep("baked", 1.0, psnr, replace(baked, info=replace(baked.info, baked_psnr_db=psnr)))
+    yield EditStep("baked", 1.0)
+    return replace(baked, info=replace(baked.info, baked_psnr_db=psnr))
 
 
 def _solid_cells(
     field: Field, box: Box, shape: tuple[int, int, int], least: float
 ) -> Bool[Tensor, "nx1 ny1 nz1"]:
-    """Cells with density in their middle or their neighbours': the others are not looked at again."""
+    """Cells with density in their middle or their neighbours': the others are skipped."""
     spacing = spacing_of(box, shape)
     inner = Box(box.lower + 0.5 * spacing, box.upper - 0.5 * spacing)
     nx, ny, nz = (count - 1 for count in shape)
@@ -234,14 +231,14 @@ def _color(field: Field, baked: VoxelField, count: int) -> Generator[float, None
 def _mean_color(
     field: Field, baked: VoxelField, nodes: Float[Tensor, "n 3"], outward: Float[Tensor, "k 3"]
 ) -> Float[Tensor, "n 3"]:
-    """Mean over directions of what nodes look like from there, weighted by the light that gets there."""
+    """Mean colour of nodes over viewing directions, weighted by the light that reaches each direction."""
     count = len(outward)
     points, towards = nodes.repeat_interleave(count, 0), outward.repeat(len(nodes), 1)
     # a voxel further on, or every node would be hidden by itself
-    light = 1 - baked.render_rays(points + 1.5 * float(baked.spacing.max()) * towards, towards).opacity
+    light = 1 - baked.render_rays(points + 1.5 * baked.resolution * towards, towards).opacity
     light = light.reshape(-1, count) + 1e-6
     best = torch.nn.functional.one_hot(light.argmax(1), count).bool()
-    seen = ((light > _LEAST_LIGHT) | best).reshape(-1)  # what is hidden from everywhere is asked for one colour
+    seen = ((light > _LEAST_LIGHT) | best).reshape(-1)  # hidden nodes take one colour
     weights = torch.where(seen, light.reshape(-1), torch.zeros_like(light.reshape(-1)))
     found = torch.zeros_like(points)
     device = field.box.lower.device

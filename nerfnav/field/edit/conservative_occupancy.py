@@ -2,7 +2,7 @@
 
 A moved field has other values between its nodes than the old one had there. Each cell with a node that planners take
 for free is compared with the old field on a lattice. Where something that was solid would now be free, all corners of
-the cell are taken for unproven, or, in a field without evidence, made dense enough to be solid; what is interpolated
+the cell become unproven, or, in a field without evidence, dense enough to be solid; what is interpolated
 lies between its corners, so all of the cell is solid then.
 """
 
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from nerfnav.core.jit import default_threads, threads
-from nerfnav.field.core.occupancy import State, raw_of
+from nerfnav.field.core.occupancy import Occupancy, raw_of
 from nerfnav.field.kernels.resample import mark_lost
 from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.models.voxel import VoxelField
@@ -24,7 +24,7 @@ _CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2
 _ABOVE = 0.1
 """By how much raw densities that must be solid exceed the threshold: after a file has rounded them, too, they do."""
 _BORDER = 1e-4
-"""Share of a voxel that points on the border are asked inside of it: rounding must not put them outside."""
+"""Share of a voxel by which points on the border are moved inwards: rounding must not put them outside."""
 
 Nodes = Bool[Tensor, "nx ny nz"]
 Cells = Bool[Tensor, "cx cy cz"]
@@ -32,7 +32,7 @@ Cells = Bool[Tensor, "cx cy cz"]
 
 @dataclass(frozen=True)
 class SolidityConfig:
-    """How closely two fields are compared."""
+    """Resolution at which two fields are compared."""
 
     parts: int = 4
     """Into how many parts lattice points divide the edges of a cell."""
@@ -64,7 +64,7 @@ def least_solid_raw(field: GridField) -> float:
 
 
 def is_solid(field: GridField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-    """Whether points [m] are solid for planners; beyond its border a field is as at the border."""
+    """Mark points [m] that are solid for planners; beyond its border a field is as at the border."""
     slack = _BORDER * field.spacing
     lower, upper = ((field.box.lower + slack).double().numpy(), (field.box.upper - slack).double().numpy())
     return field.planned.density_and_gradient(np.clip(points, lower, upper))[0] > field.solid_density
@@ -81,7 +81,7 @@ def between_grids(field: GridField, before: GridField, to_before: Similarity) ->
 def _solid_at(field: VoxelField, nodes: Nodes) -> VoxelField:
     """The field with some nodes solid for planners."""
     if field.evidence is not None:
-        unproven = torch.tensor(int(State.UNPROVEN), dtype=torch.uint8)
+        unproven = torch.tensor(int(Occupancy.UNPROVEN), dtype=torch.uint8)
         return replace(field, evidence=torch.where(nodes, unproven, field.evidence))
     values = field.values.clone()
     dense = values[..., 0].clamp_min(least_solid_raw(field))
@@ -95,12 +95,12 @@ def _with_any(nodes: Nodes) -> Cells:
 
 
 def _lost_cells(
-    now: GridField, then: GridField, to_before: Similarity, asked: Cells, config: SolidityConfig
+    now: GridField, then: GridField, to_before: Similarity, candidates: Cells, config: SolidityConfig
 ) -> Int[Tensor, "n 3"]:
-    """Which of the cells in question lose something solid."""
+    """Return those of the `candidates` that lose something solid."""
     values, occupied, *_ = then.kernel_grid
     limits = tuple(np.float32(raw_of(one.solid_density)) for one in (then, now))
-    cells = asked.numpy().astype(np.uint8)
+    cells = candidates.numpy().astype(np.uint8)
     with threads(default_threads()):
         mark_lost(
             values, occupied, now.kernel_grid[0], cells, *between_grids(now, then, to_before),

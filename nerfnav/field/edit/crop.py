@@ -1,4 +1,4 @@
-"""Crop a field: keep the nodes in a smaller box, as they are. What is cut off is dropped, or seen around the box."""
+"""Crop a field: keep the nodes in a smaller box as they are. The rest is dropped, or joins the surroundings."""
 
 from dataclasses import replace
 
@@ -6,13 +6,13 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.codec import StoredField
-from nerfnav.field.edit.resample_surroundings import resample_surroundings
+from nerfnav.field.edit.resample import resample_surroundings
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import Box, Similarity
 
 _FEWEST = 4
-"""Nodes along each edge of what is worth keeping."""
+"""Fewest nodes along each edge of a cropped field."""
 
 
 def intersect_boxes(box: Box, whole: Box) -> Box:
@@ -24,9 +24,9 @@ def intersect_boxes(box: Box, whole: Box) -> Box:
 
 
 def crop_field(field: StoredField, box: Box) -> StoredField:
-    """What `field` holds in `box` [m]; of a voxel field the nodes in it, to the nearest one.
+    """Cut `field` to `box` [m]; of a voxel field the nodes in it are kept, to the nearest one.
 
-    A field that has surroundings gets what is cut off painted on them, so that pictures still show it. Raises
+    A field with surroundings keeps what is cut off as part of them, so that pictures still show it. Raises
     InvalidInputError where the box holds next to nothing of the field, and for fields of other kinds.
     """
     inner = intersect_boxes(box, field.box)
@@ -38,7 +38,7 @@ def crop_field(field: StoredField, box: Box) -> StoredField:
     last = ((inner.upper - field.box.lower) / field.spacing).round().long()
     if bool((last - first + 1 < _FEWEST).any()):
         raise InvalidInputError(
-            f"the box {box.describe()} holds less than {_FEWEST} voxels of {field.spacing.max():.3g} m along an edge: "
+            f"the box {box.describe()} holds less than {_FEWEST} voxels of {field.resolution:.3g} m along an edge: "
             "choose a larger one"
         )
     kept = tuple(slice(int(low), int(high) + 1) for low, high in zip(first, last, strict=True))

@@ -6,7 +6,7 @@ nodes of the new grid between those of the old one: see resample.py.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -15,6 +15,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.codec import StoredField
 from nerfnav.field.core.occupancy import DENSITY_SCALE, raw_of
+from nerfnav.field.edit.bake import EditStep
 from nerfnav.field.edit.conservative_occupancy import least_solid_raw, preserve_occupancy
 from nerfnav.field.edit.resample import resample_field
 from nerfnav.field.models.levels import raw_of as raws_of
@@ -24,36 +25,25 @@ from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.geometry import Box, Pose, Similarity
 
 
-@dataclass(frozen=True)
-class MoveStep:
-    """How far a field is moved."""
-
-    label: str
-    """What is being done."""
-    fraction: float
-    """0 to 1."""
-    field: StoredField | None = None
-    """The moved field; set on the last step."""
-
-
-def move_field(field: StoredField, similarity: Similarity) -> Generator[MoveStep, None, None]:
-    """Move a field of voxels or of networks; the last step carries it.
+def move_field(field: StoredField, similarity: Similarity) -> Generator[EditStep, None, StoredField]:
+    """Move a field of voxels or of networks.
 
     What is solid or unproven for planners before is so afterwards. Raises InvalidInputError for fields of other kinds,
     and where a turned grid would be too large.
     """
-    yield MoveStep("moving the field", 0.0)
+    yield EditStep("moving the field", 0.0)
     if isinstance(field, NeuralField):
-        yield MoveStep("moved", 1.0, _moved_networks(field, similarity))
-        return
+        moved = _moved_networks(field, similarity)
+        yield EditStep("moved", 1.0)
+        return moved
     if not isinstance(field, VoxelField):
         raise InvalidInputError(f"a {type(field).__name__} cannot be moved: bake it first, with nerfnav bake")
     if (axes := similarity.axes) is not None:
         scaled = _scaled(field, similarity.scale)
-        yield MoveStep("moved", 1.0, _turned_by_quarters(scaled, axes, replace(similarity, rotation=axes, scale=1.0)))
-        return
-    for label, share, turned in resample_field(field, similarity):
-        yield MoveStep(label, share, turned)
+        turned = _turned_by_quarters(scaled, axes, replace(similarity, rotation=axes, scale=1.0))
+        yield EditStep("moved", 1.0)
+        return turned
+    return (yield from resample_field(field, similarity))
 
 
 def _moved_networks(field: NeuralField, similarity: Similarity) -> NeuralField:

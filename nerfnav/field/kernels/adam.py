@@ -15,7 +15,7 @@ _CHANNELS = 4
 
 @kernel(inline=True)
 def touched_by_any(touched, slot):
-    """Whether any thread has added a gradient to a block."""
+    """Check that any thread has added a gradient to a block."""
     found = False
     for worker in range(touched.shape[0]):
         found = found or touched[worker, slot] != 0

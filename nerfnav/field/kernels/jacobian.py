@@ -19,7 +19,6 @@ density, G = dF/dp its gradient in the world and dp_i = do + t dd the motion of 
 which has the form of a sample's inside the box: shells are added to the same sums.
 """
 
-
 import math
 
 import numpy as np

@@ -64,7 +64,7 @@ def locate(index, enter, step, start, slope, shape, cell, fraction):
 
 @kernel(inline=True)
 def sample_count(enter, leave, step):
-    """How many samples a ray has inside the grid: the middle of the last one is still inside."""
+    """Number of samples of a ray inside the grid: the middle of the last one is still inside."""
     return max(0, int((leave - enter) / step + LAST_SAMPLE))
 
 

@@ -14,7 +14,6 @@ both, colours in the bundled worlds differed by 0.1 % in the mean and by 0.8 % a
 from fields by more than 3.7 %.
 """
 
-
 import numpy as np
 
 from nerfnav.core.jit import kernel, prange
@@ -25,7 +24,7 @@ from nerfnav.field.kernels.march import CHUNK, grid_ray, sample_count
 from nerfnav.field.kernels.shells import see_shells
 
 FARTHEST = 255
-"""Largest distance that is told apart [cells]."""
+"""Largest distance that is distinguished [cells]."""
 
 
 @kernel()
@@ -75,7 +74,7 @@ _NEVER = np.float32(1e9)
 
 @kernel(inline=True)
 def _border(cell, leaps, slope):
-    """Where a ray leaves, along an axis, the cells that are known to be empty around `cell`."""
+    """Coordinate at which a ray leaves, along an axis, the cells that are known to be empty around `cell`."""
     return np.float32(cell + leaps if slope > np.float32(0.0) else cell - leaps + 1)
 
 
@@ -100,7 +99,7 @@ def invert(slope, inverse):
 
 @kernel(inline=True)
 def ray_scratch():
-    """What the march of one ray writes to: start, slope, inverse of this, and sums. Made once for many rays."""
+    """Scratch arrays of the march of one ray: start, slope, inverse of this, and sums. Made once for many rays."""
     return np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32), np.empty((4, 7), np.float32)
 
 
@@ -194,7 +193,7 @@ def colors_and_jacobian(grid, origins, directions):
 
 @kernel(inline=True)
 def probe_scratch():
-    """What `probe_along` writes to. Made once for many rays."""
+    """Scratch arrays of `probe_along`. Made once for many rays."""
     shells = np.empty(3, np.int64), np.empty(3, np.float32), np.empty(8, np.float32)
     return ray_scratch(), shells, np.empty(4, np.float32)
 

@@ -6,7 +6,6 @@ field/edit/conservative_occupancy.py: coordinates of the new grid become those o
 + shift.
 """
 
-
 import math
 
 import numpy as np
@@ -64,7 +63,7 @@ def to_old(matrix, shift, x, y, z, axis):
 
 @kernel(inline=True)
 def has_density(occupied, shape, x, y, z):
-    """Whether the block of grid coordinates has any; those of the border belong to the last cell."""
+    """Check that the block of grid coordinates has density; those of the border belong to the last cell."""
     i = max(0, min(int(x), shape[0] - 2)) >> BLOCK_SHIFT
     j = max(0, min(int(y), shape[1] - 2)) >> BLOCK_SHIFT
     k = max(0, min(int(z), shape[2] - 2)) >> BLOCK_SHIFT
@@ -73,7 +72,7 @@ def has_density(occupied, shape, x, y, z):
 
 @kernel(inline=True)
 def outside(x, y, z, shape):
-    """Whether grid coordinates lie outside the grid, by more than rounding."""
+    """Check that grid coordinates lie outside the grid, by more than rounding."""
     low, nx, ny, nz = -1e-3, shape[0] - 1 + 1e-3, shape[1] - 1 + 1e-3, shape[2] - 1 + 1e-3
     return not (low <= x <= nx and low <= y <= ny and low <= z <= nz)
 
@@ -132,7 +131,7 @@ def measure_turned(values, occupied, scale, matrix, shift, offsets, weights, out
 
 @kernel(inline=True)
 def frees(now, i, j, k, at, lattice, limit):
-    """Whether lattice point `at` (a, b, c) of a new cell, or one beside it within reach, is free."""
+    """Check that lattice point `at` (a, b, c) of a new cell, or one beside it within reach, is free."""
     parts, reach = lattice
     for a in range(max(0, at[0] - reach), min(parts, at[0] + reach) + 1):
         for b in range(max(0, at[1] - reach), min(parts, at[1] + reach) + 1):
@@ -144,7 +143,7 @@ def frees(now, i, j, k, at, lattice, limit):
 
 @kernel(inline=True)
 def loses(before, occupied, now, matrix, shift, cell, lattice, limits):
-    """Whether something in a cell (i, j, k) is solid in the old grid and free, there or beside it, in the new one."""
+    """Check that part of cell (i, j, k) is solid in the old grid and free, there or beside it, in the new one."""
     i, j, k = cell
     side = lattice[0] + 1
     for point in range(side * side * side):

@@ -16,8 +16,8 @@ RAW_TO_DEPTH = np.float32(2.5)
 """d: optical depth of a shell at a softplus of 1; one shell suffices for a wall."""
 
 Shells = tuple[np.ndarray, np.ndarray, int, np.float32, np.float32]
-"""Values (m, m, m, 4), m = 0: there are none; table of light (light.py); how many shells are asked at once; least raw
-density that counts; light below which a ray ends."""
+"""Values (m, m, m, 4), m = 0: there are none; table of light (light.py); number of shells that are taken at once; least
+raw density that counts; light below which a ray ends."""
 
 
 def whole_shells(values: np.ndarray) -> Shells:
@@ -33,13 +33,13 @@ def paired_shells(values: np.ndarray) -> Shells:
 
 @kernel(inline=True)
 def shell_count(nodes):
-    """How many shells a grid of `nodes` nodes along each edge is asked at."""
+    """Number of shells in a grid of `nodes` nodes along each edge."""
     return nodes // 2
 
 
 @kernel(inline=True)
 def middle_of(shell, at_once, shells):
-    """The position among all at which so many shells from one on are asked; the last is asked where it is."""
+    """Position at which so many shells from one on are sampled together; the last is sampled at its own."""
     return min(np.float32(shell) + np.float32(0.5) * np.float32(at_once - 1), np.float32(shells - 1))
 
 

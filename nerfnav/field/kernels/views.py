@@ -23,7 +23,7 @@ def cube_of(index, shape):
 
 @kernel(inline=True)
 def cube_count(shape):
-    """How many cubes a grid has."""
+    """Number of cubes in a grid."""
     side = SIDE
     return ((shape[0] + side - 1) // side) * ((shape[1] + side - 1) // side) * ((shape[2] + side - 1) // side)
 
@@ -40,7 +40,7 @@ def in_camera(x, y, z, rotation, position):
 
 @kernel(inline=True)
 def may_show(right, down, ahead, radius, lens, width, height):
-    """Whether any of a ball around a point in the camera's frame may be in the picture; `lens` = fx, fy, cx, cy."""
+    """Check that any of a ball around a point in the camera's frame may be in the picture; `lens` = fx, fy, cx, cy."""
     if ahead < -radius:
         return False
     one = np.float32(1.0)
@@ -68,14 +68,14 @@ def cube_in_view(cube, lower, spacing, shape, view, width, height):
 
 @kernel(inline=True)
 def position_of(i, j, k, lower, spacing):
-    """Where a node stands in the world [m]."""
+    """Position of a node in the world [m]."""
     x, y = lower[0] + np.float32(i) * spacing[0], lower[1] + np.float32(j) * spacing[1]
     return x, y, lower[2] + np.float32(k) * spacing[2]
 
 
 @kernel(inline=True)
 def picture_of(right, down, ahead, lens):
-    """Where a point in the camera's frame stands in the picture [pixels]; the point must be ahead of the camera."""
+    """Project a point in the camera's frame to pixels; the point must be ahead of the camera."""
     return lens[0] * right / ahead + lens[2], lens[1] * down / ahead + lens[3]
 
 

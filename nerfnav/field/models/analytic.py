@@ -18,7 +18,7 @@ class BallsField:
     """
 
     box: Box
-    """Where the field is defined."""
+    """Domain of the field."""
     centers: Float[Tensor, "k 3"]
     """Middles of the balls [m]."""
     radii: Float[Tensor, "k"]
@@ -34,8 +34,13 @@ class BallsField:
 
     @property
     def background(self) -> Float[Tensor, "3"]:
-        """White."""
+        """White, for all rays."""
         return torch.ones(3, dtype=self.centers.dtype)
+
+    @property
+    def resolution(self) -> float:
+        """Distance of samples [m]: a formula has no nodes."""
+        return self.step
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
         """rho at world points [1/m]; 0 outside the box."""

@@ -1,8 +1,8 @@
 """Brick field: a sparse grid that keeps only blocks that hold anything, so that a hall costs as much as its walls.
 
 A brick has the nodes of a block of 4 x 4 x 4 cells, those on its borders included: 5 x 5 x 5, so that whatever lies
-in the block is told by its brick alone. Brick 0 is empty and proven free, and stands for every block that is. Blocks
-that are the same throughout (the inside of what nobody saw) share a brick.
+in the block is given by its brick alone. Brick 0 is empty and proven free, and stands for every block that is. Blocks
+that are the same throughout (the inside of what no camera saw) share a brick.
 
 Nothing is lost: a block is left out only where every node of it is as brick 0 has it.
 """
@@ -11,19 +11,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy
 from nerfnav.field.core.protocol import Points
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
 from nerfnav.field.models.grid_field import GridField, KernelGrid
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.geometry import Box
 from nerfnav.geometry.grid import cells_of, corner_offsets
 
@@ -33,50 +32,31 @@ NODES = CELLS + 1
 """Nodes along each edge of a brick."""
 _GREY = 0.5
 
-Slab = tuple[Float[Tensor, "sx ny nz 4"], UInt8[Tensor, "sx ny nz"] | None]
-"""Node values of a part of a grid along x, and their states, None where there is no evidence."""
+class Slab(NamedTuple):
+    """A part of a grid along x."""
+
+    values: Float[Tensor, "sx ny nz 4"]
+    """Raw density and colour of each node."""
+    states: UInt8[Tensor, "sx ny nz"] | None
+    """Occupancy of each node; None where it was never determined."""
 
 
 @dataclass(frozen=True)
 class BrickField(GridField):
-    """A radiance field on a regular grid of which only bricks with something in them are kept."""
+    """A radiance field on a regular grid of which only bricks (5, 5, 5) with something in them are kept."""
 
-    box: Box
-    """Where the field is defined; nodes stand on its borders."""
-    nodes: tuple[int, int, int]
+    nodes: tuple[int, int, int] = dataclass_field(kw_only=True)
     """Numbers of nodes along x, y, z."""
-    values: Float[Tensor, "bricks 5 5 5 4"]
-    """Raw density, red, green, blue of each brick's nodes; colours in [0, 1]."""
-    slots: Int[Tensor, "bx by bz"]
+    slots: Int[Tensor, "bx by bz"] = dataclass_field(kw_only=True)
     """The brick of each block, int32."""
-    background: Float[Tensor, "3"]
-    """Colour of a ray that nothing stops."""
-    info: FieldInfo = dataclass_field(default_factory=FieldInfo)
-    """Where the field comes from and how good it is."""
-    outside: Surroundings | None = None
-    """What stands around the box; None where rays that leave it see the background."""
-    evidence: UInt8[Tensor, "bricks 5 5 5"] | None = None
-    """What is proven of each brick's nodes; None where that was never asked."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Numbers of nodes along x, y, z."""
         return self.nodes
 
-    def to(self, device: torch.device | str) -> "BrickField":
-        """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""
-        return replace(
-            self,
-            box=self.box.to(device),
-            values=self.values.to(device),
-            slots=self.slots.to(device),
-            background=self.background.to(device),
-            outside=None if self.outside is None else Surroundings(self.outside.values.to(device)),
-            evidence=None if self.evidence is None else self.evidence.to(device),
-        )
-
     def between_nodes(self, points: Points, channels: slice) -> Float[Tensor, "*batch c"]:
-        """See GridField."""
+        """Interpolate between the nodes of bricks (see GridField)."""
         cell, weights = cells_of(self.box, self.nodes, points)
         x, y, z = (cell >> BLOCK_SHIFT).unbind(-1)
         i, j, k = (cell & (CELLS - 1)).unbind(-1)
@@ -90,7 +70,7 @@ class BrickField(GridField):
         """See GridField; blocks that stick out of the grid count whole."""
         if self.evidence is None:
             return None
-        inner = self.evidence[:, :CELLS, :CELLS, :CELLS] == State.UNPROVEN  # borders belong to the next brick
+        inner = self.evidence[:, :CELLS, :CELLS, :CELLS] == Occupancy.UNPROVEN  # borders belong to the next brick
         layers = inner.float().mean((1, 2))[self.slots.long()].mean((0, 1)).reshape(-1)
         return torch.cat([layers, layers[-1:]])[: self.nodes[2]]
 
@@ -107,7 +87,7 @@ def convert_to_bricks(field: VoxelField) -> BrickField:
 
     def slab(first: int, end: int) -> Slab:
         states = None if field.evidence is None else field.evidence[first:end]
-        return field.values[first:end], states
+        return Slab(field.values[first:end], states)
 
     made = build_bricks(field.box, field.shape, slab, field.background)
     return replace(made, info=field.info, outside=field.outside)
@@ -126,10 +106,9 @@ def build_bricks(
     slots = torch.zeros(blocks, dtype=torch.int32)
     pool = _Pool()
     for x in range(blocks[0]):
-        values, states = slab(x * CELLS, min(x * CELLS + NODES, nx))
-        slots[x] = pool.slots_of(*_padded(values, states, (blocks[1], blocks[2])))
+        slots[x] = pool.slots_of(_padded(slab(x * CELLS, min(x * CELLS + NODES, nx)), (blocks[1], blocks[2])))
     values, states = pool.released()
-    return BrickField(box, (nx, ny, nz), values, slots, background, evidence=states)
+    return BrickField(box, values, background, evidence=states, nodes=(nx, ny, nz), slots=slots)
 
 
 class _Pool:
@@ -140,13 +119,14 @@ class _Pool:
         empty[..., 0] = EMPTY_RAW
         self._values, self._states, self._count = [empty], [_free(1)], 1
         self._uniform: dict[tuple[float, ...], int] = {}
-        self._told = False
+        self._determined = False
 
-    def slots_of(self, values: Tensor, states: Tensor | None) -> Int[Tensor, "by bz"]:
+    def slots_of(self, layer: Slab) -> Int[Tensor, "by bz"]:
         """Keep what a layer of blocks (5, 4 by + 1, 4 bz + 1, ...) holds; returns the brick of each."""
+        values, states = layer
         held = values[..., 0] > EMPTY_RAW + 1
         if states is not None:
-            self._told, held = True, held | (states != State.FREE)
+            self._determined, held = True, held | (states != Occupancy.FREE)
         found = torch.nn.functional.max_pool3d(held[None, None].float(), NODES, CELLS)[0, 0, 0] > 0
         y, z = found.nonzero().unbind(-1)
         slots = torch.zeros(found.shape, dtype=torch.int32)
@@ -156,8 +136,8 @@ class _Pool:
         return slots
 
     def released(self) -> tuple[Tensor, Tensor | None]:
-        """All bricks (n, 5, 5, 5, 4), and their states where any were told; the pool is spent then."""
-        values, states = torch.cat(self._values), torch.cat(self._states) if self._told else None
+        """All bricks (n, 5, 5, 5, 4), and their states where any were given; the pool is spent then."""
+        values, states = torch.cat(self._values), torch.cat(self._states) if self._determined else None
         self._values, self._states = [], []
         return values, states
 
@@ -188,20 +168,21 @@ def _blocks(states: Tensor, y: Tensor, z: Tensor) -> UInt8[Tensor, "k 5 5 5"]:
 
 
 def _free(count: int) -> UInt8[Tensor, "k 5 5 5"]:
-    return torch.full((count, NODES, NODES, NODES), int(State.FREE), dtype=torch.uint8)
+    return torch.full((count, NODES, NODES, NODES), int(Occupancy.FREE), dtype=torch.uint8)
 
 
-def _padded(values: Tensor, states: Tensor | None, blocks: tuple[int, int]) -> tuple[Tensor, Tensor | None]:
-    """A layer of blocks with empty nodes where the grid ends within one."""
+def _padded(layer: Slab, blocks: tuple[int, int]) -> Slab:
+    """Add empty nodes to a layer of blocks where the grid ends within one."""
+    values, states = layer
     size = (NODES, *(CELLS * count + 1 for count in blocks))
     if tuple(values.shape[:3]) == size:
-        return values, states
+        return layer
     sx, ny, nz, _ = values.shape
     padded = torch.full((*size, 4), _GREY)
     padded[..., 0] = EMPTY_RAW
     padded[:sx, :ny, :nz] = values
     if states is None:
-        return padded, None
-    told = torch.full(size, int(State.FREE), dtype=torch.uint8)
-    told[:sx, :ny, :nz] = states
-    return padded, told
+        return Slab(padded, None)
+    padded_states = torch.full(size, int(Occupancy.FREE), dtype=torch.uint8)
+    padded_states[:sx, :ny, :nz] = states
+    return Slab(padded, padded_states)

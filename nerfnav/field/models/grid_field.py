@@ -7,8 +7,9 @@ raw and rgb are trilinear between the nodes.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -18,10 +19,9 @@ from torch import Tensor
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.core.memory import require_memory
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import DENSITY_SCALE, planned_raw, solid_density
+from nerfnav.field.core.occupancy import DENSITY_SCALE, UnknownSpace, planning_raw, solid_density
 from nerfnav.field.core.protocol import Points, RaySamples, uniform_samples
-from nerfnav.field.kernels import jacobian, march
-from nerfnav.field.kernels import points as point_kernels
+from nerfnav.field.kernels import cells, jacobian, march
 from nerfnav.field.kernels.shells import Shells, whole_shells
 from nerfnav.field.render.surroundings import Backdrop, Surroundings
 from nerfnav.field.render.volume_rendering import Rendering, render_rays
@@ -32,27 +32,29 @@ _LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left o
 _WORTH_THREADS = 20_000  # points that take longer than waking the threads up
 
 _AT_ONCE = 1 << 17
-"""Nodes whose states are looked at together: what is made of them on the way stays in the cache, which in a hall is ten
+"""Nodes whose states are processed together: intermediate arrays stay in the processor's cache, which in a hall is ten
 times faster than memory that is taken for it and given back."""
 
+G = TypeVar("G", bound="GridField")
 KernelGrid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
+@dataclass(frozen=True)
 class GridField(ABC):
     """A radiance field between the nodes of a regular grid."""
 
     box: Box
-    """Where the field is defined; nodes stand on its borders."""
-    values: Float[Tensor, "... 4"]
+    """Domain of the field; nodes stand on its borders."""
+    values: Float[Tensor, "*nodes 4"]
     """Raw density, red, green, blue of each node that is kept; colours in [0, 1]."""
     background: Float[Tensor, "3"]
     """Colour of a ray that nothing stops."""
-    info: FieldInfo
-    """Where the field comes from and how good it is."""
-    outside: Surroundings | None
-    """What stands around the box; None where rays that leave it see the background."""
-    evidence: UInt8[Tensor, "..."] | None
-    """What is proven of each node that is kept (see field/core/occupancy.py); None where that was never asked."""
+    info: FieldInfo = field(default_factory=FieldInfo)
+    """Origin and quality of the field."""
+    outside: Surroundings | None = None
+    """Surroundings of the box; None where rays that leave it see the background."""
+    evidence: UInt8[Tensor, "*nodes"] | None = None
+    """Occupancy of each node that is kept (see field/core/occupancy.py); None where it was never determined."""
 
     @property
     @abstractmethod
@@ -62,12 +64,12 @@ class GridField(ABC):
     @cached_property
     @abstractmethod
     def kernel_grid(self) -> KernelGrid:
-        """What all kernels ask for first: values, occupied, lower, nodes per metre (see kernels/cells.py)."""
+        """First arguments of all kernels: values, occupied, lower, nodes per metre (see kernels/cells.py)."""
 
     @property
     @abstractmethod
     def unproven_by_height(self) -> Float[Tensor, " nz"] | None:
-        """Share of the nodes at each height that are not proven to be anything; None where that was never asked."""
+        """Share of unproven nodes at each height; None where occupancy was never determined."""
 
     @abstractmethod
     def between_nodes(self, points: Points, channels: slice) -> Float[Tensor, "*batch c"]:
@@ -75,33 +77,47 @@ class GridField(ABC):
 
     @cached_property
     def planned(self) -> "GridField":
-        """The field as planners take it: free where that is proven, solid where nothing is; made once."""
-        return self._planned(False)
+        """The field as planners take it: empty where that is proven, solid where nothing is; made once."""
+        return self._planned(UnknownSpace.OCCUPIED)
 
     @cached_property
-    def planned_as_it_says(self) -> "GridField":
-        """The same with unproven nodes as they are; made once."""
-        return self._planned(True)
+    def _planned_as_it_says(self) -> "GridField":
+        return self._planned(UnknownSpace.FREE)
 
-    def _planned(self, unproven_is_free: bool) -> "GridField":
+    def planning_view(self, unknown: UnknownSpace) -> "GridField":
+        """Return the field as planners take it (see core/occupancy.py)."""
+        return self.planned if unknown is UnknownSpace.OCCUPIED else self._planned_as_it_says
+
+    def _planned(self, unknown: UnknownSpace) -> "GridField":
         if self.evidence is None:
             return self
         require_memory(1.0 * self.values.nbytes, "the field as planners take it", "make one with a larger --voxel")
         values = self.values.clone()
         layers = max(1, _AT_ONCE // max(1, math.prod(values.shape[1:-1])))
         for part, states in zip(values.split(layers), self.evidence.split(layers), strict=True):
-            part[..., 0] = planned_raw(part[..., 0], states, unproven_is_free)
-        return replace(self, values=values)  # type: ignore[type-var]
+            part[..., 0] = planning_raw(part[..., 0], states, unknown)
+        return replace(self, values=values)
+
+    def to(self: G, device: torch.device | str) -> G:
+        """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        moved = {name: part.to(device) for name, part in parts.items() if hasattr(part, "to")}
+        return replace(self, **moved)
 
     @property
     def solid_density(self) -> float:
         """Density above which planners take a place for solid [1/m]."""
-        return solid_density(float(self.spacing.max()))
+        return solid_density(self.resolution)
 
     @cached_property
     def spacing(self) -> Float[Tensor, "3"]:
         """Distance of neighbouring nodes along x, y, z [m]."""
         return spacing_of(self.box, self.shape)
+
+    @property
+    def resolution(self) -> float:
+        """Distance of neighbouring nodes [m], the largest of the three axes."""
+        return float(self.spacing.max())
 
     @property
     def step(self) -> float:
@@ -138,7 +154,7 @@ class GridField(ABC):
         return RaySamples(torch.from_numpy(distances[:, :longest].copy()).to(origins), mask, self.step)
 
     def backdrop(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Backdrop | None:
-        """What rays see of the surroundings, in torch; None where the field has none."""
+        """Render the surroundings along rays, in torch; None where the field has none."""
         return None if self.outside is None else self.outside.backdrop(self.box, origins, directions)
 
     def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,10 +162,10 @@ class GridField(ABC):
         density, gradient = np.empty(len(points)), np.empty((len(points), 3))
         arguments = (*self.kernel_grid, DENSITY_SCALE, points, density, gradient)
         if len(points) < _WORTH_THREADS:
-            point_kernels.density_and_gradient(*arguments)
+            cells.density_and_gradient(*arguments)
         else:
             with threads(default_threads()):
-                point_kernels.density_and_gradient_parallel(*arguments)
+                cells.density_and_gradient_parallel(*arguments)
         return density, gradient
 
     def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
@@ -181,7 +197,7 @@ class GridField(ABC):
 
     @cached_property
     def _outer(self) -> Shells:
-        """What is around the box as kernels ask for it."""
+        """Surroundings as kernels take them."""
         return whole_shells(self._outer_values)
 
     @cached_property

@@ -17,8 +17,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, inverse_softplus
 from nerfnav.field.core.protocol import Field
-from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
+from nerfnav.field.models.voxel import VoxelField
 
 _NOTHING, _OPAQUE = 1e-5, 1 - 1e-4
 """Shares of light that count as none and as all."""
@@ -38,7 +39,7 @@ def build_levels(field: Field, count: int) -> tuple[Field, ...]:
     return tuple(levels)
 
 
-@lru_cache(maxsize=3)  # the levels of one place: every flight and every search asks for them
+@lru_cache(maxsize=3)  # the levels of one place: every flight and every search needs them
 @torch.no_grad()
 def coarser(field: VoxelField) -> VoxelField:
     """The field on nodes twice as far apart; the same field where it has too few nodes already."""
@@ -55,9 +56,8 @@ def coarser(field: VoxelField) -> VoxelField:
 
 
 def raw_of(density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    """The raw values whose densities [1/m] these are: the inverse of scale * softplus."""
-    share = (density / DENSITY_SCALE).double()
-    raw = (share + torch.log(-torch.expm1(-share))).to(density)
+    """Raw values of densities [1/m]: the inverse of scale * softplus, EMPTY_RAW for those of 0."""
+    raw = inverse_softplus(density / DENSITY_SCALE).to(density)
     return torch.where(density > _NOTHING, raw, torch.full_like(raw, EMPTY_RAW))
 
 

@@ -20,14 +20,14 @@ Points = Float[Tensor, "*batch 3"]
 
 @dataclass(frozen=True)
 class Encoding:
-    """What a network is told of a vector: itself, and sines and cosines of its multiples."""
+    """Positional encoding of a vector: itself, and sines and cosines of its multiples."""
 
     frequencies: int = 10
-    """How many multiples."""
+    """Number of multiples."""
     include_input: bool = True
-    """Whether the vector itself is in it."""
+    """The vector itself is part of the encoding."""
     octaves: bool = True
-    """Whether each frequency is twice the one before; else they are evenly spaced up to the same highest one."""
+    """Each frequency is twice the one before; else they are evenly spaced up to the same highest one."""
 
     @property
     def width(self) -> int:
@@ -54,15 +54,15 @@ class MlpConfig:
     skips: tuple[int, ...] = (5,)
     """Hidden layers, counted from 0, that see the encoded point again."""
     position: Encoding = field(default_factory=Encoding)
-    """How points are encoded."""
+    """Encoding of points."""
     direction: Encoding | None = field(default_factory=lambda: Encoding(4))
-    """How viewing directions are encoded; None: the colour does not depend on them."""
+    """Encoding of viewing directions; None: the colour does not depend on them."""
     view_widths: tuple[int, ...] = (128,)
     """Numbers in each layer that sees the direction; none without directions."""
     linear_first: bool = False
-    """Whether the first hidden layer has no relu."""
+    """The first hidden layer has no relu."""
     feature_relu: bool = False
-    """Whether what the colour is made of passes through a relu."""
+    """The features of the colour pass through a relu."""
 
 
 class RadianceMlp(nn.Module):

@@ -1,4 +1,4 @@
-"""Neural field (NeRF): a coarse network that says where to look, and a fine one that says what is there.
+"""Neural field (NeRF): a coarse network that places the samples, and a fine one that gives density and colour.
 
 Notation: R, o are the pose of the networks' frame in the world, x = R' (p - o) / unit is a point in their units;
 densities per unit become densities per metre, rho(p) = activation(raw(x)) / unit. nerfnav/field/models/mlp.py has
@@ -9,7 +9,6 @@ the box and weighs them by the coarse network; the second divides the bins that 
 `fine_per_bin` samples of the fine network. They are evenly spaced, so that a picture is the same each time, and
 samples that would come to nothing are left out; training draws at random instead (nerfnav/field/train/neural.py).
 """
-
 
 import math
 from collections.abc import Callable
@@ -31,7 +30,7 @@ _POINTS_AT_ONCE = 1 << 15  # activations of a wide network stay in a processor's
 
 
 class Activation(Enum):
-    """How a raw density becomes a density; the value is its name in files."""
+    """Function from raw density to density; the value is its name in files."""
 
     RELU = "relu"
     SOFTPLUS = "softplus"
@@ -43,12 +42,12 @@ class Activation(Enum):
 
 @dataclass(frozen=True)
 class NeuralConfig:
-    """How networks are read as a field."""
+    """Settings of reading two networks as a field."""
 
     unit: float = 1.0
     """Length of one unit of the networks' space [m]."""
     activation: Activation = Activation.RELU
-    """What makes raw densities positive."""
+    """Function that makes raw densities positive."""
     coarse_bins: int = 96
     """Bins along the longest ray through the box."""
     fine_per_bin: int = 6
@@ -62,24 +61,29 @@ class NeuralField:
     """A coarse and a fine network as one radiance field."""
 
     box: Box
-    """Where the field is defined."""
+    """Domain of the field."""
     coarse: RadianceMlp
-    """Where there is something."""
+    """Network that places the samples."""
     fine: RadianceMlp
-    """What there is."""
+    """Network that gives density and colour."""
     background: Float[Tensor, "3"]
     """Colour of a ray that nothing stops."""
     frame: Pose
     """T_world_networks: where the networks have their origin [m], and how they are turned."""
     config: NeuralConfig = dataclass_field(default_factory=NeuralConfig)
-    """How they are read."""
+    """Units and sampling of the networks."""
     info: FieldInfo = dataclass_field(default_factory=FieldInfo)
-    """Where the field comes from and how good it is."""
+    """Origin and quality of the field."""
 
     @property
     def step(self) -> float:
         """Distance of samples where they matter [m]."""
         return self._bin / self.config.fine_per_bin
+
+    @property
+    def resolution(self) -> float:
+        """Distance of samples [m]: networks have no nodes."""
+        return self.step
 
     @property
     def _bin(self) -> float:
@@ -108,7 +112,7 @@ class NeuralField:
 
     @torch.no_grad()
     def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
-        """Colours, opacities and depths without gradients; asks the network once for each sample."""
+        """Colours, opacities and depths without gradients; evaluates the network once for each sample."""
         samples = self.samples(origins, directions)
         points = (origins[:, None] + samples.distances[..., None] * directions[:, None])[samples.mask]
         along = directions[:, None].expand(*samples.mask.shape, 3)[samples.mask]
@@ -125,7 +129,7 @@ class NeuralField:
     def seen(
         self, network: RadianceMlp, points: Points, directions: Points
     ) -> tuple[Float[Tensor, "*batch"], Points]:
-        """rho [1/m] and colour by one of the networks, asked once for both, inside the box and outside."""
+        """rho [1/m] and colour by one evaluation of one of the networks, inside the box and outside."""
         features = network.features(self._local(points))
         density = self.config.activation(network.raw_density(features)) / self.config.unit
         return density, network.colors(features, self._turned(directions))
@@ -133,7 +137,7 @@ class NeuralField:
     def _matters(
         self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
     ) -> tuple[Bool[Tensor, "n b"], Float[Tensor, "n"], Float[Tensor, "n"]]:
-        """Which bins of rays stop light, where rays enter the box [m], and how many fine samples lie in it."""
+        """Return the bins of rays that stop light, where rays enter the box [m], and the sample counts."""
         enter, leave = box_interval(self.box, origins, directions)
         counts = torch.floor((leave - enter) / self.step + LAST_SAMPLE).clamp_min(0)
         bins = max(1, -(-int(counts.max()) // self.config.fine_per_bin))

@@ -6,17 +6,15 @@
 surface can be sharper than a voxel). Empty space is exactly empty: its nodes hold `EMPTY_RAW`.
 """
 
-from dataclasses import dataclass, replace
-from dataclasses import field as dataclass_field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, Occupancy
 from nerfnav.field.core.protocol import Points
 from nerfnav.field.kernels import pose_descent
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
@@ -25,28 +23,13 @@ from nerfnav.field.kernels.pose_descent import leaps_over
 from nerfnav.field.kernels.shells import Shells, paired_shells
 from nerfnav.field.models.grid_field import GridField, KernelGrid
 from nerfnav.field.render.jacobian import RayGrid
-from nerfnav.field.render.surroundings import Surroundings
-from nerfnav.geometry import Box, trilinear
-
-__all__ = ["DENSITY_SCALE", "EMPTY_RAW", "VoxelField", "occupied_blocks"]
+from nerfnav.geometry import trilinear
 
 
 @dataclass(frozen=True)
 class VoxelField(GridField):
-    """A radiance field on a regular grid whose nodes are all kept; of places mostly empty see BrickField."""
-
-    box: Box
-    """Where the field is defined; nodes stand on its borders."""
-    values: Float[Tensor, "nx ny nz 4"]
-    """Raw density, red, green, blue of each node; colours in [0, 1]."""
-    background: Float[Tensor, "3"]
-    """Colour of a ray that nothing stops."""
-    info: FieldInfo = dataclass_field(default_factory=FieldInfo)
-    """Where the field comes from and how good it is."""
-    outside: Surroundings | None = None
-    """What stands around the box; None where rays that leave it see the background."""
-    evidence: UInt8[Tensor, "nx ny nz"] | None = None
-    """What is proven of each node (see field/core/occupancy.py); None where that was never asked."""
+    """A radiance field on a regular grid that keeps all its nodes (nx, ny, nz); for mostly empty places see BrickField.
+    """
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -56,37 +39,26 @@ class VoxelField(GridField):
 
     @cached_property
     def occupied(self) -> Bool[Tensor, "bx by bz"]:
-        """Which blocks of 4 x 4 x 4 cells hold any density."""
+        """Blocks of 4 x 4 x 4 cells that hold any density."""
         return occupied_blocks(self.values[..., 0], EMPTY_RAW + 1)
 
-    def to(self, device: torch.device | str) -> "VoxelField":
-        """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""
-        return replace(
-            self,
-            box=self.box.to(device),
-            values=self.values.to(device),
-            background=self.background.to(device),
-            outside=None if self.outside is None else Surroundings(self.outside.values.to(device)),
-            evidence=None if self.evidence is None else self.evidence.to(device),
-        )
-
     def between_nodes(self, points: Points, channels: slice) -> Float[Tensor, "*batch c"]:
-        """See GridField."""
+        """Interpolate between the nodes of the grid (see GridField)."""
         return trilinear(self.values[..., channels], self.box, points)
 
     @cached_property
     def unknown(self) -> Bool[Tensor, "nx ny nz"] | None:
-        """Nodes that are not proven to be anything; None where that was never asked."""
-        return None if self.evidence is None else self.evidence == State.UNPROVEN
+        """Unproven nodes; None where occupancy was never determined."""
+        return None if self.evidence is None else self.evidence == Occupancy.UNPROVEN
 
     @property
     def unproven_by_height(self) -> Float[Tensor, " nz"] | None:
-        """See GridField."""
+        """Share of unproven nodes at each height (see GridField)."""
         return None if self.unknown is None else self.unknown.float().mean((0, 1))
 
     @cached_property
     def kernel_grid(self) -> KernelGrid:
-        """See GridField."""
+        """First arguments of all kernels (see GridField)."""
         per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
         lower = self.box.lower.cpu().numpy().astype(np.float32)
         return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
@@ -97,12 +69,12 @@ class VoxelField(GridField):
 
     @cached_property
     def exact_ray_grid(self) -> RayGrid:
-        """What kernels need that follow rays with their derivatives."""
+        """Ray grid for colours and Jacobians, without approximations."""
         return self._sight(self._leaps, self._outer, NEGLIGIBLE_RAW, STOPPED)
 
     @cached_property
     def ray_grid(self) -> RayGrid:
-        """The same for descents of poses, without what is faint (see kernels/sight.py)."""
+        """The same for descents of poses, without what is faint (see kernels/pose_descent.py)."""
         least = faint_raw(DENSITY_SCALE, self.step)
         return self._sight(self._leaps_above(least), paired_shells(self._outer_values), least, DIM)
 
@@ -118,9 +90,9 @@ class VoxelField(GridField):
 
     @cached_property
     def density_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
-        """What the planner's kernels need: raw densities, leaps, lower, nodes per metre, scale, corners of the box.
+        """Arguments of the planner's kernels: raw densities, leaps, lower, nodes per metre, scale, corners of the box.
 
-        Raw densities without the colours between them: a plan asks for many places, and memory is what it waits for.
+        Raw densities without the colours between them: a plan needs many places, and memory bandwidth limits it.
         """
         _, _, lower, per_meter = self.kernel_grid
         first, last = (edge.double().cpu().numpy() for edge in (self.box.lower, self.box.upper))

@@ -1,62 +1,24 @@
 """Occupancy grid of a field: each voxel is free, solid or unproven for planners, before any body is put into it.
 
 Free is where the density stays below a threshold and cameras have shown it. Solid is where the field is dense.
-Unproven is all space that is not proven free: planners take it for solid unless they are told otherwise
-(`UnknownSpace`), and `planning_field` is the field to plan in. The share of unproven space is told in a sentence for
-users.
+Unproven is all space that is not proven free. The share of unproven space is reported to users in a sentence.
 """
 
-
 import itertools
-from dataclasses import dataclass, replace
-from enum import Enum, IntEnum
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.core.occupancy import Occupancy, UnknownSpace, unproven_shares
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.models.grid_field import GridField
-from nerfnav.field.render.composite import CompositeField
-
-
-class UnknownSpace(Enum):
-    """What planners take unproven space for."""
-
-    OCCUPIED = "occupied"
-    """As solid: a hollow stone is no corridor, and a plain wall may be anywhere."""
-    FREE = "free"
-    """As the field says."""
-
-
-def planning_field(field: Field, unknown: UnknownSpace) -> Field:
-    """What to plan in: `field` with nothing in it where that is proven, and its unproven nodes solid or as they are.
-
-    Made once for each field. Fields without evidence stay as they are; of a composite field this is said for each
-    part.
-    """
-    if isinstance(field, CompositeField):
-        return CompositeField(tuple(replace(part, field=planning_field(part.field, unknown)) for part in field.parts))
-    if not isinstance(field, GridField) or field.evidence is None:
-        return field
-    return field.planned if unknown is UnknownSpace.OCCUPIED else field.planned_as_it_says
-
 
 MOST_VOXELS = 100_000_000
 """A finer grid than that of any field: a byte for each voxel, and some more while it is made."""
 _ROUNDING = 1e-3
 """Share of a voxel by which the box may stick out of the grid: sizes are kept in single precision."""
-
-
-class Occupancy(IntEnum):
-    """What planners believe of a voxel."""
-
-    FREE = 0
-    """Nothing is there."""
-    SOLID = 1
-    """Something is there."""
-    UNPROVEN = 2
-    """Nobody knows."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +54,7 @@ class OccupancyGrid:
 
 
 def compute_occupancy_grid(field: Field, threshold: float, voxel: float | None = None) -> OccupancyGrid:
-    """What planners believe of a field, in voxels of an edge [m] (default: the distance of its nodes).
+    """Classify the space of a field as planners do, in voxels of an edge [m] (default: the distance of its nodes).
 
     The first voxel has its middle at the box's lowest corner, so that voxels stand around nodes where both are as
     large. One is solid where the density exceeds `threshold` [1/m] at its middle, or at the middle of an eighth of it.
@@ -109,18 +71,16 @@ def compute_occupancy_grid(field: Field, threshold: float, voxel: float | None =
             "choose a larger voxel"
         )
     axes = [low + edge * np.arange(count) for low, count in zip(lower, counts, strict=True)]
-    solid = _solid(field, threshold, axes, edge)
-    believed = planning_field(field, UnknownSpace.OCCUPIED)
-    assert isinstance(believed, GridField)  # as the field is
-    taken = solid if believed is field else _solid(believed, threshold, axes, edge)
-    state = np.where(solid, Occupancy.SOLID, np.where(taken, Occupancy.UNPROVEN, Occupancy.FREE))
+    solid, planned = _solid(field, threshold, axes, edge), field.planning_view(UnknownSpace.OCCUPIED)
+    occupied = solid if planned is field else _solid(planned, threshold, axes, edge)
+    state = np.where(solid, Occupancy.SOLID, np.where(occupied, Occupancy.UNPROVEN, Occupancy.FREE))
     return OccupancyGrid(state.astype(np.uint8), lower - 0.5 * edge, edge)
 
 
 def _solid(
     field: GridField, threshold: float, axes: list[np.ndarray], edge: float
 ) -> Bool[np.ndarray, "nx ny nz"]:
-    """Which voxels with their middles on the lattice of three axes [m] are dense, one plane after the other."""
+    """Mark the dense voxels on the lattice of three axes [m], one plane after the other."""
     lower, upper = (corner.double().cpu().numpy() for corner in (field.box.lower, field.box.upper))
     parts = [(0.0, 0.0, 0.0), *itertools.product((-0.25, 0.25), repeat=3)]
     across = np.stack(np.meshgrid(*axes[1:], indexing="ij"), -1).reshape(-1, 2)
@@ -136,19 +96,19 @@ def _solid(
     return np.stack(planes).reshape([len(axis) for axis in axes])
 
 
-_WORTH_SAYING = 0.2
-"""Share of the box: what is inside stones and under the ground is unproven everywhere."""
+_WORTH_REPORTING = 0.2
+"""Share of the box: the inside of stones and of the ground is unproven everywhere."""
 _LAYERS = ("the floor", "what stands at half its height", "what is high up")
-"""What photographs of the lowest, the middle and the highest third of a box show."""
+"""Content of the lowest, the middle and the highest third of a box, for the user."""
 
 
 def describe_unproven(field: Field) -> str:
-    """A sentence that says what is not proven, and what would help; empty where nearly everything is."""
-    unproven = field.unproven_by_height if isinstance(field, GridField) else None
+    """Describe for the user what is not proven, and what would help; empty where nearly everything is."""
+    unproven = unproven_shares(field)
     if not isinstance(field, GridField) or unproven is None:
         return "Nothing proves what is free here: plans trust the field alone."
     share = float(unproven.mean())
-    if share < _WORTH_SAYING:
+    if share < _WORTH_REPORTING:
         return ""
     layers = [float(part.sum()) for part in unproven.tensor_split(len(_LAYERS))]
     where = _LAYERS[layers.index(max(layers))]

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.core.occupancy import UnknownSpace, planning_field
 from nerfnav.field.core.protocol import (
     LAST_SAMPLE,
     Field,
@@ -61,7 +62,7 @@ class PlacedField:
 
 @dataclass(frozen=True)
 class CompositeField:
-    """Placed fields as one field; the first one says what is behind everything."""
+    """Placed fields as one field; the first one gives the background."""
 
     parts: tuple[PlacedField, ...]
     """At least one."""
@@ -95,8 +96,17 @@ class CompositeField:
 
     @property
     def background(self) -> Float[Tensor, "3"]:
-        """The first part's."""
+        """Background of the first part."""
         return self.parts[0].field.background
+
+    @property
+    def resolution(self) -> float:
+        """Resolution of the finest part [m]."""
+        return min(part.field.resolution for part in self.parts)
+
+    def planning_view(self, unknown: UnknownSpace) -> "CompositeField":
+        """Return the field as planners take it: that of each part."""
+        return CompositeField(tuple(replace(part, field=planning_field(part.field, unknown)) for part in self.parts))
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
         """rho at world points [1/m]: the sum over the parts."""
@@ -125,7 +135,7 @@ class CompositeField:
             return chosen_samples(chosen, enter, step)
 
     def backdrop(self, origins: Rays, directions: Rays) -> Backdrop | None:
-        """What the first part has around its box; None where that is the background."""
+        """Render the surroundings of the first part; None where that is the background."""
         first = self.parts[0]
         if not isinstance(first.field, HasBackdrop):
             return None

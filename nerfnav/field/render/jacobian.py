@@ -27,8 +27,10 @@ RayGrid = tuple[
     np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray,
     np.float32, np.ndarray, Shells, np.float32, np.float32,
 ]  # fmt: skip
-"""Values (nx, ny, nz, 4), leaps (see kernels/leaps.py), lower corner [m], nodes per metre, table of light (see
-kernels/light.py), distance of samples [m], background (3), what is around; least raw density that counts, and light
+"""Argument of kernels that march rays through a dense grid; a plain tuple, as parallel kernels take no other record.
+
+Values (nx, ny, nz, 4), leaps (see kernels/pose_descent.py), lower corner [m], nodes per metre, table of light (see
+kernels/light.py), distance of samples [m], background (3), shells around; least raw density that counts, and light
 below which a ray ends."""
 
 
@@ -37,10 +39,12 @@ def get_ray_grid(field: Field) -> RayGrid | None:
     return getattr(field, "ray_grid", None)
 
 
-def probe_rays(grid: RayGrid, origins: Rays, directions: Rays) -> Rendering:
-    """What rays (origins [m], unit directions) see, as descents on that grid see it."""
-    seen = probe(grid, *(np.ascontiguousarray(rays.numpy(), np.float32) for rays in (origins, directions)))
-    return Rendering(*(torch.from_numpy(part) for part in seen))
+def probe_rays(field: Field, origins: Rays, directions: Rays) -> Rendering | None:
+    """Render rays (origins [m], unit directions) with the kernel of pose descents; None without a ray grid."""
+    if (grid := get_ray_grid(field)) is None:
+        return None
+    rendered = probe(grid, *(np.ascontiguousarray(rays.numpy(), np.float32) for rays in (origins, directions)))
+    return Rendering(*(torch.from_numpy(part) for part in rendered))
 
 
 @runtime_checkable
@@ -48,7 +52,7 @@ class FastJacobian(Protocol):
     """A field that has colours and their derivatives faster than autograd."""
 
     def colors_and_jacobian(self, origins: Rays, directions: Rays) -> tuple[Colors, Jacobian]:
-        """What the function of this name says."""
+        """Colours and Jacobians, as the function of this name gives them."""
         ...
 
 

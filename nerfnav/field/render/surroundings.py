@@ -30,7 +30,7 @@ Rays = Float[Tensor, "n 3"]
 
 @dataclass(frozen=True)
 class Backdrop:
-    """What rays see of the surroundings once they have left the box."""
+    """Colour, opacity and depth of the surroundings along rays that have left the box."""
 
     color: Float[Tensor, "n 3"]
     """In [0, 1]; black where the ray goes on to the background."""
@@ -45,7 +45,11 @@ class Surroundings:
     """Raw density and colour on a grid over contracted space."""
 
     values: Float[Tensor, "m m m 4"]
-    """Raw density, red, green, blue of each node; those inside the box are never asked."""
+    """Raw density, red, green, blue of each node; those inside the box are never used."""
+
+    def to(self, device: torch.device | str) -> "Surroundings":
+        """The same surroundings on a device."""
+        return Surroundings(self.values.to(device))
 
     @property
     def shells(self) -> int:
@@ -55,7 +59,7 @@ class Surroundings:
     def backdrop(
         self, box: Box, origins: Rays, directions: Rays, jitter: Float[Tensor, "n"] | None = None
     ) -> Backdrop:
-        """What rays (origins [m], unit directions) see around `box`: the reference in torch, differentiable.
+        """Render the surroundings of `box` along rays (origins [m], unit directions), in torch, differentiable.
 
         `jitter` moves all shells of a ray by a share of their distance, -0.5 to 0.5 (exclusive).
         """

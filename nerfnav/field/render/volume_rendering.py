@@ -21,7 +21,7 @@ _RAYS_AT_ONCE = 8192
 
 @dataclass(frozen=True)
 class Rendering:
-    """What rays see."""
+    """Colour, opacity and depth along rays."""
 
     color: Float[Tensor, "*batch 3"]
     """In [0, 1]."""
@@ -50,7 +50,7 @@ class HasBackdrop(Protocol):
     """A field with surroundings, seen by what light leaves its box."""
 
     def backdrop(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Backdrop | None:
-        """What rays see behind the box, differentiable; None where that is the background."""
+        """Render what lies behind the box, differentiable; None where that is the background."""
         ...
 
 
@@ -104,7 +104,7 @@ def composite(
 
 
 def over(front: Rendering, behind: Backdrop, background: Float[Tensor, "3"]) -> Rendering:
-    """What the box shows before a black background, put before its surroundings and what is behind them."""
+    """Composite the box, rendered before black, over its surroundings and the background."""
     left = 1 - front.opacity
     lit = behind.color + (1 - behind.opacity)[..., None] * background
     opacity = 1 - left * (1 - behind.opacity)

@@ -11,14 +11,14 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.field.core.occupancy import EMPTY_RAW, State, classify_unseen
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy, classify_unseen
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.geometry import Box
 
-_RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can tell
+_RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can show
 
 
-def quantised(values: Float[Tensor, "*nodes 4"]) -> tuple[UInt8[np.ndarray, "*nodes"], UInt8[np.ndarray, "*nodes 3"]]:
+def quantise(values: Float[Tensor, "*nodes 4"]) -> tuple[UInt8[np.ndarray, "*nodes"], UInt8[np.ndarray, "*nodes 3"]]:
     """Raw densities and colours as bytes."""
     raw = values[..., 0].detach().cpu().numpy()
     color = values[..., 1:].detach().cpu().numpy().clip(0, 1)
@@ -28,7 +28,7 @@ def quantised(values: Float[Tensor, "*nodes 4"]) -> tuple[UInt8[np.ndarray, "*no
     )
 
 
-def values_of(raw: np.ndarray, color: np.ndarray, axes: int = 3) -> Float[Tensor, "*nodes 4"]:
+def dequantise(raw: np.ndarray, color: np.ndarray, axes: int = 3) -> Float[Tensor, "*nodes 4"]:
     """Node values on so many axes from their bytes. Raises ValueError for arrays of another kind."""
     if raw.dtype != np.uint8 or raw.ndim != axes or color.dtype != np.uint8 or color.shape != (*raw.shape, 3):
         raise ValueError("arrays of wrong shape")
@@ -38,7 +38,7 @@ def values_of(raw: np.ndarray, color: np.ndarray, axes: int = 3) -> Float[Tensor
     return torch.from_numpy(values)
 
 
-def box_of(corners: np.ndarray) -> Box:
+def decode_box(corners: np.ndarray) -> Box:
     """The box between two corners (2, 3) [m]. Raises ValueError where there is none."""
     if corners.shape != (2, 3):
         raise ValueError("arrays of wrong shape")
@@ -47,20 +47,20 @@ def box_of(corners: np.ndarray) -> Box:
     return Box(torch.from_numpy(corners[0]), torch.from_numpy(corners[1]))
 
 
-def outside_of(file: Mapping[str, np.ndarray]) -> Surroundings | None:
+def decode_surroundings(file: Mapping[str, np.ndarray]) -> Surroundings | None:
     """The surroundings, where a file has some."""
     if "outside_raw" not in file:
         return None
-    return Surroundings(values_of(file["outside_raw"], file["outside_color"]))
+    return Surroundings(dequantise(file["outside_raw"], file["outside_color"]))
 
 
-def evidence_of(
-    file: Mapping[str, np.ndarray], shape: tuple[int, ...], raw: torch.Tensor | None = None
-) -> torch.Tensor | None:
-    """The state of each node; of older files, which only tell what no camera saw, as far as they and `raw` go."""
+def decode_occupancy(
+    file: Mapping[str, np.ndarray], shape: tuple[int, ...], raw: Tensor | None = None
+) -> Tensor | None:
+    """The occupancy of each node; of older files, which only note what no camera saw, as far as they and `raw` go."""
     if "evidence" in file:
         states = file["evidence"]
-        if states.dtype != np.uint8 or states.shape != tuple(shape) or states.max() > max(State):
+        if states.dtype != np.uint8 or states.shape != tuple(shape) or states.max() > max(Occupancy):
             raise ValueError("evidence of another kind or shape")
         return torch.from_numpy(states)
     if "unknown" not in file or raw is None:

@@ -14,12 +14,11 @@ from nerfnav.core.files import write_npz
 from nerfnav.core.memory import require_memory
 from nerfnav.core.registry import Registry
 from nerfnav.field.core.codec import FieldCodec, StoredField
-from nerfnav.field.storage.brick_codec import BRICKS
+from nerfnav.field.storage.grid_codec import BRICKS, MOST_DENSE_NODES, VOXELS
 from nerfnav.field.storage.neural_codec import NEURAL
-from nerfnav.field.storage.voxel_codec import MOST_DENSE_NODES, VOXELS
 
 _GROWTH, _GROWTH_IN_BRICKS = 5, 2.5
-"""What is in memory while a file is read, in sizes of its arrays: a float in place of each byte, and the bytes; less
+"""Memory while a file is read, in sizes of its arrays: a float in place of each byte, and the bytes; less
 where most of it is empty."""
 
 

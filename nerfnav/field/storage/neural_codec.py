@@ -15,7 +15,7 @@ from nerfnav.geometry import Box, Pose
 
 
 def encode(field: NeuralField) -> Encoded:
-    """See FieldCodec."""
+    """Encode a neural field (see FieldCodec)."""
     header = {
         "info": asdict(field.info),
         "config": {**asdict(field.config), "activation": field.config.activation.value},
@@ -29,11 +29,11 @@ def encode(field: NeuralField) -> Encoded:
     }
     for name, network in _networks(field):
         arrays |= {f"{name}.{key}": weights for key, weights in network.state_dict().items()}
-    return header, {name: array.detach().cpu().numpy() for name, array in arrays.items()}
+    return Encoded(header, {name: array.detach().cpu().numpy() for name, array in arrays.items()})
 
 
 def decode(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> NeuralField:
-    """See FieldCodec."""
+    """Decode a neural field (see FieldCodec)."""
     box, rotation = torch.from_numpy(file["box"]), torch.from_numpy(file["rotation"])
     if box.shape != (2, 3) or rotation.shape != (3, 3) or not bool((box[1] > box[0]).all()):
         raise ValueError("arrays of wrong shape, or an empty box")

@@ -12,18 +12,18 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field.kernels import raster
+from nerfnav.core.jit import kernel
 
 MARGIN = 2
 """Texels around each chart that show what is nearest to it, so that lookups between texels find no other chart."""
 LARGEST = 4096
 """Texels along an edge that every WebGL 2 is sure to have."""
 _TAKEN_APART, _FAR = 2, 3.0
-"""How often charts that lie upon themselves are taken apart; texels by which what is shown differs then."""
+"""Number of times that charts that overlap themselves are split; texels by which the shown point differs then."""
 _STEEPEST = 0.3
 """Least cosine between a triangle's normal and the axis it is seen from."""
 _VOTES, _ROUNDS = 0.5, 8
-"""What each neighbour's axis counts, as a cosine, and how often that is asked."""
+"""Weight of each neighbour's axis, as a cosine, and number of rounds."""
 _COARSER = 1.2
 
 Vertices = Float[np.ndarray, "n 3"]
@@ -32,7 +32,7 @@ Faces = Int[np.ndarray, "m 3"]
 
 @dataclass(frozen=True)
 class Atlas:
-    """Where the triangles of a mesh lie in a picture."""
+    """Placement of the triangles of a mesh in a picture."""
 
     vertices: Int[np.ndarray, " k"]
     """The mesh's vertex of each corner; vertices on the border of charts have a corner in each."""
@@ -48,7 +48,7 @@ class Atlas:
     """Barycentric weights of each texel's middle there; negative where it lies beside the triangle."""
 
     def shown(self, values: Float[np.ndarray, "n c"], texels: Int[np.ndarray, " s"]) -> Float[np.ndarray, "s c"]:
-        """What the mesh's vertices have, between them, at texels that show something."""
+        """Interpolate values of the mesh's vertices at texels that show something."""
         corners = self.vertices[self.faces[self.face_at[texels]]]
         return (values[corners] * self.weights[texels][..., None]).sum(1)
 
@@ -93,12 +93,12 @@ def _laid_out(
     flat = flat.reshape(-1, 3)
     nearest, face_at = np.full(size, -np.inf, np.float32), np.full(size, -1, np.int32)
     weights = np.zeros((*size, 3), np.float32)
-    raster.rasterize(texels[flat], nearest, face_at, weights)
+    rasterize(texels[flat], nearest, face_at, weights)
     return Atlas(vertex, flat, texels, size, face_at.reshape(-1), weights.reshape(-1, 3)), texel
 
 
 def _covered(atlas: Atlas, vertices: Vertices, faces: Faces, texel: float) -> Bool[np.ndarray, " m"]:
-    """Which triangles another one lies upon: the texel at their middle shows a point that is far from it."""
+    """Mark triangles that another one covers: the texel at their middle shows a point that is far from it."""
     column, row = np.round(atlas.texels[atlas.faces].mean(1)).astype(np.int64).T
     there = row * atlas.size[1] + column
     apart = np.full(len(faces), 0.0)
@@ -154,3 +154,40 @@ def _packed(sizes: Int[np.ndarray, "c 2"]) -> tuple[Int[np.ndarray, "c 2"], tupl
         places[chart] = x, y
         x, shelf = x + wide, max(shelf, tall)
     return places, (y + shelf, width)
+
+
+REACH = np.float32(1.42)
+"""Texels around triangles are theirs too, so far from their edges: bilinear lookups inside need no others."""
+
+
+@kernel()
+def rasterize(corners, nearest, face_at, weights):
+    """Write which triangle each texel shows, and the barycentric weights of its middle there.
+
+    `corners` (m, 3, 2) are x, y in texels, the middle of texel [y, x] at (x, y). `nearest` (h, w), -inf at first, is
+    how deep inside its triangle a texel is, below 0 outside; `face_at` (h, w), -1 at first; `weights` (h, w, 3), with
+    negative ones outside.
+    """
+    height, width = nearest.shape
+    for face in range(corners.shape[0]):
+        ax, ay = corners[face, 0, 0], corners[face, 0, 1]
+        bx, by = corners[face, 1, 0], corners[face, 1, 1]
+        cx, cy = corners[face, 2, 0], corners[face, 2, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0.0:
+            continue
+        # weights times heights of the triangle are distances from its edges
+        opposite_a = abs(area) / math.sqrt((cx - bx) ** 2 + (cy - by) ** 2)
+        opposite_b = abs(area) / math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2)
+        opposite_c = abs(area) / math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+        left, right = max(0, math.ceil(min(ax, bx, cx) - REACH)), min(width - 1, int(max(ax, bx, cx) + REACH))
+        top, bottom = max(0, math.ceil(min(ay, by, cy) - REACH)), min(height - 1, int(max(ay, by, cy) + REACH))
+        for y in range(top, bottom + 1):
+            for x in range(left, right + 1):
+                b = ((x - ax) * (cy - ay) - (y - ay) * (cx - ax)) / area
+                c = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area
+                a = np.float32(1.0) - b - c
+                inside = min(a * opposite_a, b * opposite_b, c * opposite_c)
+                if inside >= -REACH and inside > nearest[y, x]:
+                    nearest[y, x], face_at[y, x] = inside, face
+                    weights[y, x, 0], weights[y, x, 1], weights[y, x, 2] = a, b, c

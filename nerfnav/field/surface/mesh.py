@@ -61,7 +61,7 @@ def _surface_colors(field: Field, points: torch.Tensor, outward: torch.Tensor, d
 
 
 def surface_points(field: Field, spacing: float, towards: tuple[float, float, float]) -> Float[Tensor, "n 3"]:
-    """Where what is solid ends in the direction of the axis that is nearest to `towards`, in steps of `spacing` [m]."""
+    """Find the surface points in the direction of the axis that is nearest to `towards`, in steps of `spacing` [m]."""
     dense = torch.from_numpy(sample_density(field, spacing)) > SOLID_DENSITY
     axis = int(torch.tensor(towards).abs().argmax())
     sign = 1 if towards[axis] > 0 else -1

@@ -1,7 +1,7 @@
 """Open rooms: of a roofed place, keep only the surfaces that cameras saw, so that nothing hides the rooms.
 
 The backs of walls and ceilings were seen by no camera. They have no colours that mean anything, and from outside they
-are all that is seen. Without them one looks into the rooms from any side, for viewers do not draw faces from behind.
+are all that is seen. Without them viewers show the rooms from any side, for they do not draw faces from behind.
 """
 
 from typing import TYPE_CHECKING
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     import trimesh
 
 _NEAR = (0.5, 1.0, 1.5, 2.0)
-"""How far before and behind a surface one looks for free space, in distances of the mesh's nodes."""
+"""Distances before and behind a surface at which free space is sought, in distances of the mesh's nodes."""
 _ROOFED = 0.5
 """Share of the ground under unseen faces from which on a place counts as roofed."""
 
 
 def open_rooms(field: GridField, mesh: "trimesh.Trimesh", spacing: float) -> "trimesh.Trimesh":
-    """The mesh of a field, its nodes `spacing` [m] apart; of a roofed place, without the faces that nobody saw.
+    """The mesh of a field, its nodes `spacing` [m] apart; of a roofed place, without the faces that no camera saw.
 
     A face was seen if space before it is proven free, and is fog if all space behind it is, too. As planners see it,
     which presumes that depth has proven what is free: pictures alone prove little before plain walls.
@@ -38,7 +38,7 @@ def open_rooms(field: GridField, mesh: "trimesh.Trimesh", spacing: float) -> "tr
 
 
 def _seen(field: GridField, mesh: "trimesh.Trimesh", spacing: float) -> Bool[np.ndarray, " n"]:
-    """Which vertices were seen."""
+    """Mark the vertices that cameras saw."""
     vertices, normals = (torch.from_numpy(np.array(part)).float() for part in (mesh.vertices, mesh.vertex_normals))
 
     def free(share: float) -> Bool[torch.Tensor, " n"]:
@@ -51,7 +51,7 @@ def _seen(field: GridField, mesh: "trimesh.Trimesh", spacing: float) -> Bool[np.
 
 
 def _is_roofed(mesh: "trimesh.Trimesh", seen: Bool[np.ndarray, " m"], spacing: float) -> bool:
-    """Whether most of the ground that was seen lies under faces that were not."""
+    """Check that most of the ground that was seen lies under faces that were not."""
     upward = mesh.face_normals[:, 2] > 0
     ground, roof = (_highest(mesh, part & upward, spacing) for part in (seen, ~seen))
     there = np.isfinite(ground)
@@ -59,7 +59,7 @@ def _is_roofed(mesh: "trimesh.Trimesh", seen: Bool[np.ndarray, " m"], spacing: f
 
 
 def _highest(mesh: "trimesh.Trimesh", faces: Bool[np.ndarray, " m"], spacing: float) -> Float[np.ndarray, "nx ny"]:
-    """How high some faces reach above each cell of a grid [m]; -inf where there are none."""
+    """Height of the highest of some faces above each cell of a grid [m]; -inf where there are none."""
     lower, upper = mesh.bounds
     cells = (np.ceil((upper - lower)[:2] / (2 * spacing)).astype(int)) + 1
     middles = mesh.triangles_center[faces]

@@ -1,4 +1,4 @@
-"""Texture baking: the mesh of a field with a picture of what is seen from straight above each point of it."""
+"""Texture baking: the mesh of a field with a picture, rendered from straight above each of its points."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _AT_ONCE = 1 << 18  # points
 _ABOVE = 1.0
 """Rays begin so far above the surface, in lengths of `finest`."""
 _DEEPEST, _LEAST_OPACITY = 8.0, 0.5
-"""A ray tells the colour of its point where it is stopped, to this share, within so many lengths of `finest`."""
+"""A ray gives the colour of its point where it is stopped, to this share, within so many lengths of `finest`."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class TexturedMesh:
     faces: Int[np.ndarray, "m 3"]
     """Numbers of vertices."""
     uv: Float[np.ndarray, "k 2"]
-    """Where each vertex is in the picture: 0 to 1 from its left, and from its top."""
+    """Texture coordinates of each vertex: 0 to 1 from the left, and from the top."""
     picture: UInt8[np.ndarray, "height width 3"]
     """sRGB."""
 
 
 def texture_mesh(field: Field, mesh: "trimesh.Trimesh", finest: float) -> Generator[None, None, TexturedMesh]:
-    """Return a mesh of a field with the field's colours, in texels of half of `finest` [m], what the field tells apart.
+    """Return a mesh of a field with the field's colours, in texels of half of `finest` [m], its resolution.
 
     Larger texels where there would be too many of them. Yields now and then, for this takes seconds. Raises
     InvalidInputError for a mesh without triangles.

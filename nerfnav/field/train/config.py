@@ -1,4 +1,4 @@
-"""Training settings of a voxel field, and what they come to at each stage."""
+"""Training settings of a voxel field, and their values at each stage."""
 
 import itertools
 import math
@@ -15,7 +15,7 @@ _FINISHING = 0.06
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a voxel field is trained."""
+    """Settings of training a voxel field."""
 
     voxel: float = 0.013
     """Distance of nodes in the end [m]."""
@@ -32,7 +32,7 @@ class TrainConfig:
     color_rate: float = 0.03
     """Learning rate of colours at the start."""
     final_rate: float = 0.1
-    """What is left of the learning rates at the end."""
+    """Share of the learning rates that is left at the end."""
     sparsity: float = 1e-4
     """Weight of the integral of log(1 + 2 rho^2) along each ray: drives fog away."""
     rough_density: float = 0.0
@@ -52,21 +52,21 @@ class TrainConfig:
     stage_rays: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Share of `rays` in the steps of each stage. Where time is short, more steps of fewer rays find shapes sooner."""
     finish: Finish = dataclass_field(default_factory=Finish)
-    """What becomes of the densities in the end."""
+    """Final treatment of the densities."""
     firm_from: float = 0.92
     """Share of the training from which on densities rest, finished, and only colours are learned: those that surfaces
     had while they were softer are not theirs. Not before the last stage."""
     outside: int = 0
-    """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
+    """Nodes along each edge of the grid of the surroundings, as photographs of real places need it; 0 where the
     background is one colour. See field/render/surroundings.py."""
     exposure: bool = False
-    """Whether photographs may differ in exposure: their gains are then looked for all along (see exposure.py)."""
+    """Estimate the gain of each photograph during training, because they differ in exposure (see exposure.py)."""
     device: str = "cpu"
-    """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
+    """Device of training: "cpu" with compiled kernels, "cuda" and others in torch, the same to rounding."""
     report_every: int = 50
     """Training steps between two TrainSteps."""
     field_every: float | None = None
-    """Time between two fields of what is learned so far [s]; judging one takes seconds. None: only the last is made."""
+    """Time between two fields in training [s]; evaluating one takes seconds. None: only the last is made."""
 
     @property
     def seconds_to_learn(self) -> float | None:
@@ -86,7 +86,7 @@ class TrainConfig:
         return max([self.firm_from, *self.stage_ends[:-1]])
 
     def rates(self, fraction: float) -> LearningRates:
-        """How far a step goes when a share of the training is done."""
+        """Learning rates when a share of the training is done."""
         decay = self.final_rate**fraction
         return LearningRates(
             self.density_rate * decay if fraction < self.firm_at else 0.0,
@@ -98,7 +98,7 @@ class TrainConfig:
         )
 
     def shape(self, box: Box, stage: int) -> tuple[int, int, int]:
-        """Nodes of the grid of a stage."""
+        """Numbers of nodes of the grid of a stage."""
         return shape_for(box, self.voxel * self.stages[stage])
 
     def rays_of(self, stage: int) -> int:
@@ -106,5 +106,5 @@ class TrainConfig:
         return max(1, round(self.rays * self.stage_rays[stage]))
 
     def nodes_outside(self, stage: int) -> int:
-        """Nodes along each edge of the grid over what is around the box."""
+        """Nodes along each edge of the grid of the surroundings."""
         return round(self.outside / self.stages[stage])

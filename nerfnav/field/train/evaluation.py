@@ -1,4 +1,4 @@
-"""Evaluation of a trained field: what is proven of its nodes, and PSNR and measurement noise by held-out photographs.
+"""Evaluation of a trained field: occupancy of its nodes, and PSNR and measurement noise by held-out photographs.
 
 The residual of a colour is far from Gaussian: most of a picture is matched closely, and edges that lie half a voxel
 off are far out. So there are three numbers. `noise_std` is the root mean square over all pixels and channels, tails
@@ -8,10 +8,9 @@ outliers do not move: what the noise would be if they were all found. `outlier_s
 that err by more than three times as much in some channel: what a filter that rejects outliers must expect.
 
 Photographs of real places differ in exposure. Filters take one gain of each picture out; so it is taken out of
-held-out pictures before their noise is told (see nerfnav/field/train/exposure.py). PSNR is told both of the raw
+held-out pictures before their noise is measured (see nerfnav/field/train/exposure.py). PSNR is given both of the raw
 pictures, as the literature has it, and of these.
 """
-
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -52,15 +51,15 @@ def calibrate_noise(info: FieldInfo, field: Field, held_out: PosedImages, exposu
     gain = estimate_common_gains(taken, colors) if exposure else torch.ones(len(held_out))
     error = gain[:, None, None, None] * colors - taken
     shown = opacity > _SOMETHING
-    told = error[shown] if shown.any() else error.reshape(-1, 3)
-    core = _DEVIATION_PER_MEDIAN * told.abs().median()
+    residual = error[shown] if shown.any() else error.reshape(-1, 3)
+    core = _DEVIATION_PER_MEDIAN * residual.abs().median()
     return replace(
         info,
         psnr_db=raw,
         psnr_one_exposure_db=_psnr_db(error) if exposure else None,
         noise_std=float(error.square().mean().sqrt()),
         noise_core_std=float(core),
-        outlier_share=float((told.abs() > _OUTLIER_DEVIATIONS * core).any(-1).float().mean()),
+        outlier_share=float((residual.abs() > _OUTLIER_DEVIATIONS * core).any(-1).float().mean()),
     )
 
 
@@ -71,7 +70,7 @@ def _psnr_db(error: Float[Tensor, "n height width 3"]) -> float:
 
 
 def describe_training(photographs: PosedImages, generator: torch.Generator, iterations: int) -> FieldInfo:
-    """What is known of a field before it is judged: when it was made, of how many images, with which seed."""
+    """Field info before evaluation: the date, the number of images, the seed."""
     return FieldInfo(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         images=len(photographs),
@@ -82,24 +81,24 @@ def describe_training(photographs: PosedImages, generator: torch.Generator, iter
 
 def evaluate_grid(
     field: VoxelField,
-    told: FusedDepth | None,
+    depth: FusedDepth | None,
     photographs: PosedImages,
     held_out: PosedImages,
     exposure: bool,
 ) -> VoxelField:
-    """What was learned, with what is proven of its nodes and with what held-out views say about it.
+    """Evaluate a trained grid: classify its nodes, and measure its quality on held-out views.
 
     `photographs` are of one exposure; where `exposure` is set, held-out ones need not be.
     """
-    free = carve_free_space(field, photographs) if told is None else told.free
+    free = carve_free_space(field, photographs) if depth is None else depth.free
     trained = replace(field, evidence=classify_nodes(free, field.values[..., 0]))
-    taught, proven = ("pictures", "pictures") if told is None else ("pictures and depth", "depth")
-    info = replace(field.info, learned_from=taught, proven_from=proven)
+    source, proof = ("pictures", "pictures") if depth is None else ("pictures and depth", "depth")
+    info = replace(field.info, learned_from=source, proven_from=proof)
     return replace(trained, info=calibrate_noise(info, trained, held_out, exposure))
 
 
 def evaluate_networks(trained: NeuralField, held_out: PosedImages) -> NeuralField:
-    """The field on the CPU, with what views that it was not trained on say about it."""
+    """Move trained networks to the CPU, and measure their quality on held-out views."""
     coarse, fine = trained.coarse.requires_grad_(False).cpu(), trained.fine.requires_grad_(False).cpu()
     trained = replace(trained, coarse=coarse, fine=fine)
     return replace(trained, info=calibrate_noise(trained.info, trained, held_out))

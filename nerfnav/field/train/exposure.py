@@ -1,16 +1,15 @@
 """Exposure compensation: estimate each photograph's gain in brightness and white balance, repeatedly in training.
 
-A field has one brightness. Where photographs disagree, it grows fog in front of cameras to please each of them; told
+A field has one brightness. Where photographs disagree, it grows fog in front of cameras to fit each of them; given
 how bright each one is, it need not. With colours I of photograph i and those of the field C along the same rays, the
 gain of channel c is the one that makes sum (I - g C)^2 least:  g_ic = <I, C> / <C, C>,  l_ic = log g_ic.
 
-What a field does not show yet looks like exposure, too. So each photograph is asked in four quarters: light is the
+What a field does not show yet looks like exposure, too. So each photograph is compared in four quarters: light is the
 same in all of them, mistakes are not. By the analysis of variance with one random factor, a share 1 - v / b of the
 gains' variance b between photographs is real, v being the mean variance between the quarters of one, over 4; each
 gain is shrunk to 1 by that share (James and Stein, 1961), the common part a_i of its three channels and what is left
 of each, its white balance, by shares of their own. Pictures that were rendered so keep gains of 1.
 """
-
 
 from dataclasses import replace
 
@@ -25,11 +24,11 @@ from nerfnav.field.train.torch_learner import TorchLearner
 from nerfnav.geometry import PosedImages
 
 QUARTERS = 4
-"""Parts of a photograph that are asked one by one."""
+"""Parts of a photograph that are compared one by one."""
 _LEAST, _MOST = 0.5, 2.0
 """Gains beyond this are no exposure: the field does not show that place yet."""
 _FEWEST = 3
-"""Photographs below which nothing tells exposure from mistakes."""
+"""Number of photographs below which exposure cannot be separated from errors."""
 
 Gains = Float[Tensor, "n 3"]
 
@@ -74,20 +73,20 @@ def _logarithm(products: Float[Tensor, "*parts 3"], squares: Float[Tensor, "*par
     return (products / squares.clamp_min(1e-9)).clamp(_LEAST, _MOST).log()
 
 
-def _shrunk(told: Float[Tensor, "n c"], parts: Float[Tensor, "n q c"]) -> Float[Tensor, "n c"]:
+def _shrunk(whole: Float[Tensor, "n c"], parts: Float[Tensor, "n q c"]) -> Float[Tensor, "n c"]:
     """Logarithms of gains, shrunk to 0 by the share of their variance that quarters of photographs explain."""
     chance = parts.var(1).mean() / parts.shape[1]
-    return told * (1 - chance / told.var(0).mean().clamp_min(1e-12)).clamp_min(0.0)
+    return whole * (1 - chance / whole.var(0).mean().clamp_min(1e-12)).clamp_min(0.0)
 
 
 _EVERY = 0.08
-"""Share of the training between two looks."""
+"""Share of the training between two estimates of the gains."""
 _RAYS = 128
-"""Rays of each quarter of each photograph that are looked along."""
+"""Rays of each quarter of each photograph that are compared."""
 
 
 class ExposureCorrection:
-    """Tells a sampler of training rays the gains of its photographs, as far as they are known by then."""
+    """Correction of a sampler of training rays by the gains of its photographs, estimated again and again."""
 
     def __init__(self, sampler: RaySampler, wanted: bool) -> None:
         """Unless `wanted`, all gains stay 1."""

@@ -10,29 +10,28 @@ from torch import Tensor
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, raw_of
 from nerfnav.field.kernels import learn, march
 from nerfnav.field.kernels import learn as parts
-from nerfnav.field.kernels.seen_points import seen_points_gradient
 from nerfnav.field.kernels.shells import whole_shells
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.proof.fusion import FusedDepth
 from nerfnav.field.train.rays import PointBatch, RayBatch
 from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear, clear_around, refined, views_of
-from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finish_field
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, TrainingVolume, finish_densities, finish_field
 from nerfnav.geometry import PosedImages, dilate_nodes, node_positions, spacing_of
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
 _START_IN_HULL = 0.45  # [1/unit]: a fifth of the light is stopped in half a unit; what no ray teaches ends empty
-_OCCUPIED_ABOVE = 0.02  # [1/unit]: what is thinner is skipped in training
-_OCCUPANCY_EVERY = 64  # steps between two looks at what is empty
-_OCCUPANCY_FROM = 128  # steps of a stage before the first look
+_OCCUPIED_ABOVE = 0.02  # [1/unit]: thinner space is skipped in training
+_OCCUPANCY_EVERY = 64  # steps between two prunings of empty blocks
+_OCCUPANCY_FROM = 128  # steps of a stage before the first pruning
 ROUGHNESS_EVERY = 2
-"""Steps between two looks at how rough the grids are."""
+"""Steps between two gradients of the roughness of the grids."""
 BAND = 1.5
-"""How far from a point that a photograph shows its ray may end [distances of nodes]."""
+"""Half width of the band around a sparse point in which its ray may end [distances of nodes]."""
 
 
 @dataclass(frozen=True)
 class LearningRates:
-    """How far a step goes."""
+    """Learning rates and loss weights of one step."""
 
     density: float
     """Adam's learning rate of raw densities."""
@@ -51,11 +50,18 @@ class LearningRates:
 class GridLearner:
     """Trains the values of the box, and of its surroundings where there are any."""
 
-    def __init__(self, place: Place, inner: TrainedGrid, outer: TrainedGrid) -> None:
-        """Train `inner` in the box and `outer`, which may have no nodes, around it."""
+    def __init__(
+        self,
+        place: TrainingVolume,
+        inner: TrainedGrid,
+        outer: TrainedGrid,
+        near: Bool[Tensor, "bx by bz"] | None = None,
+    ) -> None:
+        """Train `inner` in the box, in the blocks `near` or in all, and `outer`, which may have no nodes, around it."""
         self.place, self.inner, self.outer = place, inner, outer
         box = place.box
-        self.occupied = np.full([-(-count // 4) for count in inner.shape], parts.ALL_PARTS, np.uint8)
+        near = all_blocks(inner.shape) if near is None else near
+        self.occupied = np.where(near.numpy(), parts.ALL_PARTS, 0).astype(np.uint8)
         self._lower = box.lower.numpy().astype(np.float32)
         spacing = spacing_of(box, inner.shape)
         self._per_meter = (1 / spacing).numpy().astype(np.float32)
@@ -65,7 +71,12 @@ class GridLearner:
 
     @classmethod
     def start(
-        cls, place: Place, shape: tuple[int, int, int], photographs: PosedImages, workers: int, outside: int = 0
+        cls,
+        place: TrainingVolume,
+        shape: tuple[int, int, int],
+        photographs: PosedImages,
+        workers: int,
+        outside: int = 0,
     ) -> "GridLearner":
         """A nearly clear grey box, with a grid of `outside`^3 nodes around it; 0 for a plain background."""
         seen = views_of(node_positions(place.box, shape), photographs)
@@ -75,7 +86,7 @@ class GridLearner:
 
     @classmethod
     def in_hull(
-        cls, place: Place, hull: Bool[Tensor, "nx ny nz"], photographs: PosedImages, workers: int
+        cls, place: TrainingVolume, hull: Bool[Tensor, "nx ny nz"], photographs: PosedImages, workers: int
     ) -> "GridLearner":
         """Thicker fog in the nodes of a visual hull, and nothing elsewhere: there is nothing to learn there."""
         nx, ny, nz = hull.shape
@@ -84,30 +95,26 @@ class GridLearner:
         values[..., 0][hull] = raw_of(_START_IN_HULL / place.unit)
         seen = views_of(node_positions(place.box, shape), photographs)
         near = dense_blocks(values, place)
-        learner = cls(place, TrainedGrid(values, seen, near, VALUE_BOUNDS, workers), TrainedGrid.nothing(workers))
-        learner.occupied = _all_parts(near)
-        return learner
+        return cls(place, TrainedGrid(values, seen, near, VALUE_BOUNDS, workers), TrainedGrid.nothing(workers), near)
 
     @classmethod
     def from_depth(
-        cls, place: Place, told: FusedDepth, photographs: PosedImages, workers: int, outside: int = 0
+        cls, place: TrainingVolume, depth: FusedDepth, photographs: PosedImages, workers: int, outside: int = 0
     ) -> "GridLearner":
-        """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned.
+        """Start from fused depth: densities that depth gives stay fixed, colours and all other nodes are learned.
 
-        What depths do not know begins empty: as thin fog, it would come to stand for what surroundings should show.
+        What depth does not show begins empty: as thin fog, it would come to stand for what surroundings should show.
         """
-        nx, ny, nz = told.raw.shape
+        nx, ny, nz = depth.raw.shape
         shape = (nx, ny, nz)
         seen = views_of(node_positions(place.box, shape), photographs)
         values = clear(shape, EMPTY_RAW)
-        values[..., 0] = torch.where(told.known, told.raw, values[..., 0])
-        values[..., 1:] = told.color
-        rates = torch.where(told.known, 0.0, seen)
+        values[..., 0] = torch.where(depth.known, depth.raw, values[..., 0])
+        values[..., 1:] = depth.color
+        rates = torch.where(depth.known, 0.0, seen)
         near = dilate_nodes(dense_blocks(values, place))
         inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
-        learner = cls(place, inner, clear_around(place, photographs, outside, workers))
-        learner.occupied = _all_parts(near)
-        return learner
+        return cls(place, inner, clear_around(place, photographs, outside, workers), near)
 
     @classmethod
     def of(cls, field: VoxelField, unit: float, workers: int) -> "GridLearner":
@@ -118,12 +125,10 @@ class GridLearner:
             m = field.outside.values.shape[0]
             scale = torch.ones(m, m, m)
             outer = TrainedGrid(field.outside.values, scale, all_blocks((m, m, m)), VALUE_BOUNDS, workers)
-        learner = cls(Place(field.box, field.background, unit), inner, outer)
-        learner.occupied = _all_parts(field.occupied)
-        return learner
+        return cls(TrainingVolume(field.box, field.background, unit), inner, outer, field.occupied)
 
     def refined(self, shape: tuple[int, int, int], outside: int = 0) -> "GridLearner":
-        """The same field on finer grids. What is empty, and not beside anything, stays so."""
+        """The same field on finer grids. Empty blocks that touch no other stay empty."""
         workers = self.inner.gradients.shape[0]
         values = self.inner.refined_values(shape)
         near = dilate_nodes(dense_blocks(values, self.place))
@@ -133,9 +138,7 @@ class GridLearner:
             grid = (outside, outside, outside)
             scale = _refined_scale(outer, grid)
             outer = TrainedGrid(outer.refined_values(grid), scale, all_blocks(grid), VALUE_BOUNDS, workers)
-        learner = GridLearner(self.place, inner, outer)
-        learner.occupied = _all_parts(near)
-        return learner
+        return GridLearner(self.place, inner, outer, near)
 
     def gradient(self, batch: RayBatch, sparsity: float) -> float:
         """Add up the gradient of a batch of rays; returns its mean squared colour error."""
@@ -153,7 +156,7 @@ class GridLearner:
     def add_points(self, batch: PointBatch, weight: float) -> None:
         """Add to the gradient that of the likelihood with which rays end at the points that they lead to."""
         inner = self.inner
-        seen_points_gradient(
+        learn.seen_points_gradient(
             (inner.values, self.occupied, self._lower, self._per_meter),
             (batch.origins, batch.directions, batch.jitter, batch.distances),
             (np.float32(self.sample_step), np.float32(2 * BAND * self.sample_step), np.float32(weight), self._table),
@@ -182,7 +185,7 @@ class GridLearner:
         parts.parts_above(self.inner.values, self.inner.slots, threshold, self.occupied)
 
     def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
-        """What rays see of what is learned so far."""
+        """Render rays in the grid as it is learned so far."""
         seen, *_ = march.render(
             self.inner.values, self.occupied, self._lower, self._per_meter, batch.origins, batch.directions,
             np.float32(DENSITY_SCALE), np.float32(self.sample_step), self.place.background.numpy(),
@@ -199,37 +202,32 @@ class GridLearner:
         self.prune_empty_blocks()
 
     def so_far(self, finish: Finish) -> VoxelField:
-        """What is learned so far, finished; learning goes on."""
+        """Finished copy of the field as it is learned so far; learning goes on."""
         values, outer = torch.from_numpy(self.inner.values.copy()), self.outer.values
         if not self._firm:
             finish_densities(self.place, values, torch.from_numpy(self.occupied > 0), finish)
         return finish_field(self.place, values, torch.from_numpy(outer.copy()) if outer.size else None)
 
     def field(self, finish: Finish) -> VoxelField:
-        """What was learned, finished; blocks that are not looked at are empty. The learner is spent then."""
+        """Finished field; blocks outside the occupied ones are empty. The learner cannot be used afterwards."""
         self.firm(finish)
         outer = self.outer.released() if self.outer.values.size else None
         return finish_field(self.place, self.inner.released(), outer)
 
 
 def is_pruning_due(step: int) -> bool:
-    """Whether it is time to see what has become empty, so many steps after the stage began."""
+    """Check that pruning is due, so many steps after the stage began."""
     return step >= _OCCUPANCY_FROM and step % _OCCUPANCY_EVERY == 0
 
 
-def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: Place) -> Bool[Tensor, "bx by bz"]:
-    """Blocks with enough density to be looked at in training."""
+def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: TrainingVolume) -> Bool[Tensor, "bx by bz"]:
+    """Blocks with enough density to be sampled in training."""
     return occupied_blocks(values[..., 0], occupied_above(place))
 
 
-def occupied_above(place: Place) -> float:
-    """Raw density above which space is looked at in training."""
+def occupied_above(place: TrainingVolume) -> float:
+    """Raw density above which space is sampled in training."""
     return raw_of(_OCCUPIED_ABOVE / place.unit)
-
-
-def _all_parts(blocks: Bool[Tensor, "bx by bz"]) -> np.ndarray:
-    """What says of each block that all of it is looked at, or nothing."""
-    return np.where(blocks.numpy(), parts.ALL_PARTS, 0).astype(np.uint8)
 
 
 def _refined_scale(grid: TrainedGrid, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz"]:

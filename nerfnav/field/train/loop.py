@@ -1,13 +1,12 @@
 """Training loop of voxel fields: Adam on the colour error of random rays of posed images, coarse to fine.
 
 What makes it work: raw densities start low; the learning rate of a node's density is scaled by how many cameras see
-it (without this, fog grows in front of the cameras); three resolutions; what is empty is skipped; thin fog costs.
+it (without this, fog grows in front of the cameras); three resolutions; empty space is skipped; thin fog costs.
 For a seed, a number of iterations and a number of threads the result is the same bit for bit.
 
 Photographs and the machine's memory are checked before training begins. Depth maps and silhouettes, where there are
-any, say what is known before the first stage.
+any, give the geometry before the first stage.
 """
-
 
 import math
 from collections.abc import Generator
@@ -28,11 +27,11 @@ from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.evaluation import describe_training, evaluate_grid
 from nerfnav.field.train.exposure import ExposureCorrection, correct_exposure
 from nerfnav.field.train.grid_learner import GridLearner
-from nerfnav.field.train.progress import Progress
+from nerfnav.field.train.progress import Progress, TrainStep
 from nerfnav.field.train.rays import RaySampler, points_of
 from nerfnav.field.train.torch_learner import TorchLearner
 from nerfnav.field.train.trained_grid import training_bytes
-from nerfnav.field.train.training_volume import Place
+from nerfnav.field.train.training_volume import TrainingVolume
 from nerfnav.geometry import Box, PosedImages
 
 _LEAST_IMAGES = 2
@@ -66,29 +65,29 @@ def require_memory(shape: tuple[int, int, int], outside: int, workers: int) -> N
 
 
 class FirstLearner(NamedTuple):
-    """Where training begins."""
+    """Learner, stage and known geometry at the start of training."""
 
     learner: GridLearner | TorchLearner
     """Kernels on the processor, torch elsewhere."""
     stage: int
     """The stage that it is for."""
-    told: FusedDepth | None
-    """What depths tell of where things are; None without depths."""
-    asked: Bool[Tensor, "n height width"] | None = None
-    """Which pixels there is something to learn from; None: all."""
+    depth: FusedDepth | None
+    """Geometry fused from depth maps; None without depth."""
+    mask: Bool[Tensor, "n height width"] | None = None
+    """Mask of the pixels that are drawn; None: all."""
 
 
 def first_learner(
     photographs: PosedImages, box: Box, background: torch.Tensor, config: TrainConfig, workers: int
 ) -> FirstLearner:
-    """What learns at first, on `workers` threads.
+    """Make the learner of the first stage, on `workers` threads.
 
     Raises InvalidInputError for images that no field can be learned from, and where memory cannot hold the training.
     """
     require_trainable(photographs, box)
     last = len(config.stages) - 1
     require_memory(config.shape(box, last), config.outside, workers)
-    place = Place.of(box, background, config.voxel)
+    place = TrainingVolume.of(box, background, config.voxel)
     if photographs.silhouettes is not None:
         shape = config.shape(box, 0)
         wide = widen_silhouettes(photographs, box, config.voxel * config.stages[0])
@@ -98,10 +97,10 @@ def first_learner(
         shape, outside = config.shape(box, 0), config.nodes_outside(0)
         learner = GridLearner.start(place, shape, photographs, workers, outside)
         return FirstLearner(_on_device(learner, config), 0, None)
-    # where things are is known: there is nothing to find out coarsely first
-    told = fuse_depth(photographs, box, config.shape(box, last))
-    learner = GridLearner.from_depth(place, told, photographs, workers, config.outside)
-    return FirstLearner(_on_device(learner, config), last, told)
+    # the geometry is known: coarse stages would find nothing
+    depth = fuse_depth(photographs, box, config.shape(box, last))
+    learner = GridLearner.from_depth(place, depth, photographs, workers, config.outside)
+    return FirstLearner(_on_device(learner, config), last, depth)
 
 
 def _on_device(learner: GridLearner, config: TrainConfig) -> GridLearner | TorchLearner:
@@ -110,29 +109,30 @@ def _on_device(learner: GridLearner, config: TrainConfig) -> GridLearner | Torch
 
 
 @dataclass(frozen=True)
-class TrainStep:
-    """Where training stands."""
+class _Evaluator:
+    """Evaluation of a field in training on its photographs."""
 
-    iteration: int
-    """Training steps done."""
-    fraction: float
-    """Share of the training that is done, 0 to 1."""
-    psnr_db: float
-    """Peak signal-to-noise ratio [dB]: of recent training rays; on the last step, of held-out views."""
-    rays_per_s: float
-    """Rays learned from in a second, since the start."""
-    seconds_left: float
-    """Estimated time to the end [s]."""
-    field: VoxelField | None = None
-    """The trained field; set on the last step."""
-    so_far: VoxelField | None = None
-    """What is learned so far, judged as the trained field is, so that one can plan in it: set every `field_every` s."""
+    photographs: PosedImages
+    """Training photographs."""
+    held_out: PosedImages
+    """Photographs that measure the quality."""
+    depth: FusedDepth | None
+    """Geometry fused from depth maps; None without depth."""
+    sampler: RaySampler
+    """Source of the training photographs' gains."""
+    generator: torch.Generator
+    """Randomness of the training."""
+    exposure: bool
+    """Photographs differ in exposure."""
 
-    @staticmethod
-    def of(progress: Progress) -> "TrainStep":
-        """A step before the last."""
-        now = (progress.iteration, progress.fraction, progress.psnr_db)
-        return TrainStep(*now, progress.rays_per_s, progress.seconds_left)
+    def evaluate(self, field: VoxelField, progress: Progress) -> VoxelField:
+        """Return the field with its occupancy and its quality."""
+        photographs = self.photographs
+        field = replace(field, info=describe_training(photographs, self.generator, progress.iteration))
+        if self.exposure:
+            photographs = correct_exposure(photographs, self.sampler.gains)
+        trained = evaluate_grid(field, self.depth, photographs, self.held_out, self.exposure)
+        return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))
 
 
 def train(
@@ -142,8 +142,8 @@ def train(
     background: Float[Tensor, "3"],
     config: TrainConfig,
     generator: torch.Generator,
-) -> Generator[TrainStep, bool | None, None]:
-    """Train a voxel field in `box` and yield progress; the last step carries the field.
+) -> Generator[TrainStep, bool | None, VoxelField]:
+    """Train a voxel field in `box`, yield progress, and return the field.
 
     `background` is the colour of rays that nothing stops. Closing the generator early loses what was learned; to
     stop and keep it, send True: the next step is then the last. Raises InvalidInputError for images that no field can
@@ -151,10 +151,11 @@ def train(
     """
     progress = Progress(config.iterations, config.seconds_to_learn)
     with threads(default_threads()) as workers:
-        learner, stage, told, asked = first_learner(photographs, box, background, config, workers)
-    sampler, ends = RaySampler(photographs, generator, asked), config.stage_ends
+        learner, stage, depth, mask = first_learner(photographs, box, background, config, workers)
+    sampler, ends = RaySampler(photographs, generator, mask), config.stage_ends
     points = points_of(photographs, box, generator)
-    exposure, pictures = ExposureCorrection(sampler, config.exposure), (photographs, held_out)
+    exposure = ExposureCorrection(sampler, config.exposure)
+    evaluator = _Evaluator(photographs, held_out, depth, sampler, generator, config.exposure)
     stop: bool | None = None
     next_field_s = config.field_every or math.inf
     while progress.fraction < 1 and not stop:
@@ -169,28 +170,12 @@ def train(
             ended = None if points is None else points.draw(config.points)
             progress.learned(learner.step(batch, config.rates(progress.fraction), ended), len(batch.targets))
         if progress.elapsed_s >= next_field_s and progress.fraction < 1:
-            seen = _judged(learner.so_far(config.finish), told, pictures, sampler, (progress, config, generator))
+            so_far = evaluator.evaluate(learner.so_far(config.finish), progress)
             next_field_s = progress.elapsed_s + (config.field_every or math.inf)
-            stop = yield replace(TrainStep.of(progress), so_far=seen)
+            stop = yield replace(progress.step(), so_far=so_far)
         elif progress.is_due(config.report_every):
-            stop = yield TrainStep.of(progress)
+            stop = yield progress.step()
     rate = progress.rays_per_s
-    trained = _judged(learner.field(config.finish), told, pictures, sampler, (progress, config, generator))
-    yield TrainStep(progress.iteration, progress.fraction, trained.info.psnr_db or 0.0, rate, 0.0, trained)
-
-
-def _judged(
-    field: VoxelField,
-    told: FusedDepth | None,
-    pictures: tuple[PosedImages, PosedImages],
-    sampler: RaySampler,
-    training: tuple[Progress, TrainConfig, torch.Generator],
-) -> VoxelField:
-    """What was learned, with what the `pictures`, learned from and held out, say about it."""
-    photographs, held_out = pictures
-    progress, config, generator = training
-    told_so_far = replace(field, info=describe_training(photographs, generator, progress.iteration))
-    if config.exposure:
-        photographs = correct_exposure(photographs, sampler.gains)
-    trained = evaluate_grid(told_so_far, told, photographs, held_out, config.exposure)
-    return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))
+    trained = evaluator.evaluate(learner.field(config.finish), progress)
+    yield progress.last_step(trained.info.psnr_db or 0.0, rate)
+    return trained

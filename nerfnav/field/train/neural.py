@@ -9,7 +9,6 @@ which the points of the fine network are drawn, together with the coarse ones. B
 voxel field of nerfnav/field/train/loop.py has in a minute; on a CPU with small networks and small places.
 """
 
-
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 
@@ -24,14 +23,14 @@ from nerfnav.field.models.mlp import MlpConfig, RadianceMlp
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.render.volume_rendering import Rendering, composite
 from nerfnav.field.train.evaluation import describe_training, evaluate_networks
-from nerfnav.field.train.progress import Progress
+from nerfnav.field.train.progress import Progress, TrainStep
 from nerfnav.field.train.rays import RayBatch, RaySampler
 from nerfnav.geometry import PosedImages
 
 
 @dataclass(frozen=True)
 class NeuralTrainConfig:
-    """How a neural field is trained; the paper's numbers."""
+    """Settings of training a neural field; the paper's numbers."""
 
     network: MlpConfig = field(default_factory=MlpConfig)
     """Shape of both networks."""
@@ -48,7 +47,7 @@ class NeuralTrainConfig:
     rate: float = 5e-4
     """Adam's learning rate at the start."""
     final_rate: float = 0.1
-    """What is left of it at the end."""
+    """Share of the learning rate that is left at the end."""
     report_every: int = 50
     """Training steps between two reports."""
 
@@ -96,7 +95,7 @@ class NeuralLearner:
         distances: Float[Tensor, "n s"],
         interval: tuple[Float[Tensor, "n"], Float[Tensor, "n"]],
     ) -> tuple[Rendering, Float[Tensor, "n s"]]:
-        """What a network shows along rays, and the share of the light that each sample stops."""
+        """Render rays by one network; returns also the share of the light that each sample stops."""
         points = origins[:, None] + distances[..., None] * directions[:, None]
         density, color = self._field.seen(network, points, directions[:, None].expand_as(points))
         # each sample stands for the ray between the middles to its neighbours
@@ -125,40 +124,16 @@ def drawn_from(
     return start + (end - start) * ((shares - low) / (high - low).clamp_min(1e-9)).clamp(0, 1)
 
 
-@dataclass(frozen=True)
-class NeuralTrainStep:
-    """Where training stands."""
-
-    iteration: int
-    """Training steps done."""
-    fraction: float
-    """Share of the training that is done, 0 to 1."""
-    psnr_db: float
-    """Peak signal-to-noise ratio [dB]: of recent training rays; on the last step, of held-out views."""
-    rays_per_s: float
-    """Rays learned from in a second, since the start."""
-    seconds_left: float
-    """Estimated time to the end [s]."""
-    field: NeuralField | None = None
-    """The trained field, on the CPU; set on the last step."""
-
-    @staticmethod
-    def of(progress: Progress) -> "NeuralTrainStep":
-        """A step before the last."""
-        now = (progress.iteration, progress.fraction, progress.psnr_db)
-        return NeuralTrainStep(*now, progress.rays_per_s, progress.seconds_left)
-
-
 def train_neural(
     photographs: PosedImages,
     held_out: PosedImages,
     blank: NeuralField,
     config: NeuralTrainConfig,
     generator: torch.Generator,
-) -> Generator[NeuralTrainStep, bool | None, None]:
-    """Train the networks of `blank` (see `blank_field`), on the device where they are, and yield progress.
+) -> Generator[TrainStep, bool | None, NeuralField]:
+    """Train the networks of `blank` (see `blank_field`) on their device, and return the field on the CPU.
 
-    The last step carries the field. Send True to stop early and keep what was learned. Raises InvalidInputError when
+    Yields progress. Send True to stop early and keep what was learned. Raises InvalidInputError when
     there is no image.
     """
     if len(photographs) == 0:
@@ -172,8 +147,9 @@ def train_neural(
             batch = sampler.draw(config.rays)
         progress.learned(learner.step(batch, config.rate * config.final_rate**progress.fraction), config.rays)
         if progress.is_due(config.report_every):
-            stop = yield NeuralTrainStep.of(progress)
+            stop = yield progress.step()
     info = replace(describe_training(photographs, generator, progress.iteration), train_s=progress.elapsed_s)
     trained = evaluate_networks(replace(blank, info=info), held_out)
     rate, psnr = progress.iteration * config.rays / info.train_s, trained.info.psnr_db or progress.psnr_db
-    yield NeuralTrainStep(progress.iteration, progress.fraction, psnr, rate, 0.0, trained)
+    yield progress.last_step(psnr, rate)
+    return trained

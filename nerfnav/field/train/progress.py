@@ -1,18 +1,40 @@
 """Training progress: the share that is done, the current error, and the speed."""
 
 import time
+from dataclasses import dataclass
 
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import psnr_db
 
 _FORGET = 0.98
 """Share of the running error that a training step keeps."""
 
 
+@dataclass(frozen=True)
+class TrainStep:
+    """Progress of training a field."""
+
+    iteration: int
+    """Training steps done."""
+    fraction: float
+    """Share of the training that is done, 0 to 1."""
+    psnr_db: float
+    """Peak signal-to-noise ratio [dB]: of recent training rays; on the last step, of held-out views."""
+    rays_per_s: float
+    """Rays learned from in a second, since the start."""
+    seconds_left: float
+    """Estimated time to the end [s]."""
+    so_far: VoxelField | None = None
+    """The field so far, evaluated as the trained field is, so that one can plan in it: set every `field_every` s."""
+    last: bool = False
+    """Training has ended."""
+
+
 class Progress:
     """Counts training steps against a number of them, or against the time since it was made."""
 
     def __init__(self, iterations: int, seconds: float | None) -> None:
-        """`seconds` replaces `iterations`."""
+        """Count `iterations` steps, or `seconds` of time where these are given."""
         self.iteration = 0
         self.fraction = 0.0
         """Share of the training that is done, 0 to 1."""
@@ -53,6 +75,14 @@ class Progress:
         done = self.iteration / self._iterations if self._seconds is None else self.elapsed_s / self._seconds
         self.fraction = min(1.0, done)
 
+    def step(self) -> TrainStep:
+        """Make a step before the last."""
+        return TrainStep(self.iteration, self.fraction, self.psnr_db, self.rays_per_s, self.seconds_left)
+
+    def last_step(self, psnr_db: float, rays_per_s: float) -> TrainStep:
+        """Make the last step, with the PSNR of held-out views [dB] and the speed before the evaluation."""
+        return TrainStep(self.iteration, self.fraction, psnr_db, rays_per_s, 0.0, last=True)
+
     def is_due(self, every: int) -> bool:
-        """Whether to report, which is done every so many steps until the last one."""
+        """Check that a report is due: every so many steps until the last one."""
         return self.iteration % every == 0 and self.fraction < 1

@@ -3,7 +3,6 @@
 Pixels are drawn without ever holding all rays at once. A ray to a sparse point ends there, for a photograph shows it.
 """
 
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from nerfnav.geometry import Box, PosedImages
 
 @dataclass(frozen=True)
 class RayBatch:
-    """What one training step looks at."""
+    """Rays of one training step."""
 
     origins: np.ndarray
     """Camera centres (n, 3) [m]."""
@@ -36,9 +35,9 @@ class RaySampler:
         self,
         photographs: PosedImages,
         generator: torch.Generator,
-        asked: Bool[Tensor, "n height width"] | None = None,
+        mask: Bool[Tensor, "n height width"] | None = None,
     ) -> None:
-        """Look at `photographs`, at the pixels that are `asked` or at all; `generator` decides which come when."""
+        """Draw from the pixels of `photographs` in `mask`, or from all, in the order of `generator`."""
         camera = photographs.camera
         self._size = (camera.width, camera.height)
         self._focal = np.array([camera.fx, camera.fy], np.float32)
@@ -47,12 +46,12 @@ class RaySampler:
         self._rotations = np.ascontiguousarray(photographs.poses.rotation.numpy(), np.float32)
         self._positions = np.ascontiguousarray(photographs.poses.position.numpy(), np.float32)
         self._generator = generator
-        self._asked = None if asked is None else asked.reshape(-1).nonzero()[:, 0]
+        self._masked = None if mask is None else mask.reshape(-1).nonzero()[:, 0]
         self._gains = np.ones((len(photographs), 3), np.float32)
 
     @property
     def gains(self) -> Float[Tensor, "n 3"]:
-        """How much brighter than it should be each photograph is taken for."""
+        """Gain of each photograph, by channel: above 1 where it is too bright."""
         return torch.from_numpy(self._gains)
 
     def correct(self, gains: Float[Tensor, "n 3"]) -> None:
@@ -63,14 +62,14 @@ class RaySampler:
     def draw(self, count: int, patch: int = 1) -> RayBatch:
         """`count` random rays with their colours, in patches of `patch` x `patch` neighbouring pixels, or fewer rays.
 
-        Neighbours look at the same nodes, which then are read from memory once: a step of as many rays takes a third of
-        the time. A patch holds a pixel that is asked for at any place in it, so that all are seen equally often.
+        Rays of neighbours share nodes, which then are read from memory once: a step of as many rays takes a third of
+        the time. A patch holds its drawn pixel at a random place, so that all pixels are drawn equally often.
         """
         width, height = self._size
         patch = min(patch, width, height)
-        among = len(self._pixels) if self._asked is None else len(self._asked)
+        among = len(self._pixels) if self._masked is None else len(self._masked)
         chosen = torch.randint(among, (max(1, count // patch**2),), generator=self._generator)
-        chosen = chosen if self._asked is None else self._asked[chosen]
+        chosen = chosen if self._masked is None else self._masked[chosen]
         if patch == 1:
             return self._batch(chosen.numpy())
         before = torch.randint(patch, (2, len(chosen)), generator=self._generator)
@@ -108,14 +107,14 @@ _SPARED = 32
 
 @dataclass(frozen=True)
 class PointBatch:
-    """Rays whose ends are known, as many as one training step looks at."""
+    """Rays with known ends, of one training step."""
 
     origins: np.ndarray
     """Camera centres (n, 3) [m]."""
     directions: np.ndarray
     """Unit viewing directions (n, 3)."""
     distances: np.ndarray
-    """How far away the points are (n) [m]."""
+    """Distances of the points (n) [m]."""
     jitter: np.ndarray
     """Offset of the samples of each ray, in steps (n), -0.5 to 0.5."""
 
@@ -131,11 +130,11 @@ class PointSampler:
         self._centers = photographs.poses.position
 
     def __len__(self) -> int:
-        """How many sightings there are."""
+        """Number of sightings of points."""
         return len(self._sightings)
 
     def draw(self, count: int) -> PointBatch:
-        """`count` random ones, or fewer where there are few: none is to count as much as all that pixels tell."""
+        """Draw `count` random ones, or fewer where there are few: no sighting may outweigh the pixels."""
         count = min(count, -(-len(self) // _SPARED))
         chosen = torch.randint(len(self), (count,), generator=self._generator)
         origins = self._centers[self._sightings.image[chosen]]
@@ -147,7 +146,7 @@ class PointSampler:
 
 
 def points_of(photographs: PosedImages, box: Box, generator: torch.Generator) -> PointSampler | None:
-    """What draws the points of photographs; None where there is none to learn from: depth maps say more."""
+    """Make the sampler of sparse points; None without such points, or with depth maps, which say more."""
     if photographs.sightings is None or photographs.depth is not None:
         return None
     sampler = PointSampler(photographs, box, generator)

@@ -8,9 +8,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.field.core.occupancy import DENSITY_SCALE
 from nerfnav.field.core.protocol import LAST_SAMPLE, RaySamples, box_interval
-from nerfnav.field.kernels import adam, learn, seen_points
-from nerfnav.field.models.voxel import DENSITY_SCALE, VoxelField, occupied_blocks
+from nerfnav.field.kernels import adam, learn
+from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.field.render.volume_rendering import composite, over
 from nerfnav.field.train.grid_learner import (
@@ -24,7 +25,7 @@ from nerfnav.field.train.grid_learner import (
 )
 from nerfnav.field.train.rays import PointBatch, RayBatch
 from nerfnav.field.train.trained_grid import TrainedGrid, refined
-from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finish_field
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, TrainingVolume, finish_densities, finish_field
 from nerfnav.geometry import dilate_nodes, spacing_of, trilinear
 
 Values = Float[Tensor, "nx ny nz 4"]
@@ -83,7 +84,7 @@ class TorchLearner:
     """Trains the values of the box, and of its surroundings where there are any, on one device."""
 
     def __init__(
-        self, place: Place, inner: TorchGrid, outer: TorchGrid | None, allowed: Bool[Tensor, "bx by bz"]
+        self, place: TrainingVolume, inner: TorchGrid, outer: TorchGrid | None, allowed: Bool[Tensor, "bx by bz"]
     ) -> None:
         """Train `inner`, in blocks that are `allowed`, and `outer`, all on one device."""
         self.place, self.inner, self.outer = place, inner, outer
@@ -94,13 +95,13 @@ class TorchLearner:
         for axis, count in enumerate((nx, ny, nz)):
             parts = parts.repeat_interleave(2, axis).narrow(axis, 0, -(-count // 2))
         self.parts = self._allowed = parts
-        """Parts of 2 x 2 x 2 cells that are looked at (see kernels/parts.py)."""
+        """Parts of 2 x 2 x 2 cells that are sampled (see kernels/learn.py)."""
         self._sample_step = 0.5 * float(spacing_of(place.box, (nx, ny, nz)).min())
         self._steps, self._firm = 0, False
 
     @classmethod
     def of(cls, learner: GridLearner, device: torch.device) -> "TorchLearner":
-        """Where a learner on the CPU stands, on another device."""
+        """Copy of a learner on the CPU, on another device."""
         outer = TorchGrid.of(learner.outer, device) if learner.outer.values.size else None
         return cls(
             learner.place, TorchGrid.of(learner.inner, device), outer, torch.from_numpy(learner.occupied > 0)
@@ -122,7 +123,7 @@ class TorchLearner:
         return float(error.detach()) / (3 * len(batch.targets)), list(gradients)
 
     def points_gradient(self, batch: PointBatch) -> Tensor:
-        """The box's gradient of the likelihood that rays end at points (see kernels/seen_points.py)."""
+        """The box's gradient of the likelihood that rays end at points (see kernels/learn.py)."""
         leaf, step = self.inner.values.detach().requires_grad_(), self._sample_step
         arrays = (batch.origins, batch.directions, batch.jitter, batch.distances)
         origins, directions, jitter, distances = (torch.from_numpy(array).to(self._device) for array in arrays)
@@ -133,12 +134,12 @@ class TorchLearner:
         most, reach = ((leave - enter) / step).floor(), 2 * BAND * step
         first = torch.minimum(((distances - reach - enter) / step).floor().clamp_min(0), most)[:, None]
         behind = torch.minimum(((distances + reach - enter) / step).ceil(), most)[:, None]
-        index, told = torch.arange(density.shape[1], device=self._device), behind > first
+        index, inside = torch.arange(density.shape[1], device=self._device), behind > first
         clear, through = (
-            torch.exp(-step * _learned(torch.where(told & part, density, 0.0), step).sum(1))
+            torch.exp(-step * _learned(torch.where(inside & part, density, 0.0), step).sum(1))
             for part in (index < first, (index >= first) & (index < behind))
         )
-        loss = -torch.log(clear * (1 - through) + float(seen_points.CHANCE)).sum()
+        loss = -torch.log(clear * (1 - through) + float(learn.CHANCE)).sum()
         return torch.autograd.grad(loss, leaf)[0]
 
     def step(self, batch: RayBatch, rates: LearningRates, points: PointBatch | None = None) -> float:
@@ -163,7 +164,7 @@ class TorchLearner:
 
     @torch.no_grad()
     def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
-        """What rays see of what is learned so far, on the CPU."""
+        """Render rays in the grid as it is learned so far; the result is on the CPU."""
         grids = [self.inner] if self.outer is None else [self.inner, self.outer]
         return self._seen(batch, [grid.values for grid in grids])[0].cpu()
 
@@ -175,19 +176,19 @@ class TorchLearner:
         self._firm = True
 
     def so_far(self, finish: Finish) -> VoxelField:
-        """What is learned so far, finished, on the CPU (see `GridLearner.so_far`)."""
+        """Finished copy of the field so far, on the CPU (see `GridLearner.so_far`)."""
         values, outer = self.inner.values.cpu().clone(), None if self.outer is None else self.outer.values.cpu().clone()
         if not self._firm:
             finish_densities(self.place, values, self._blocks.cpu(), finish)
         return finish_field(self.place, values, outer)
 
     def field(self, finish: Finish) -> VoxelField:
-        """What was learned, finished, on the CPU (see `GridLearner.field`)."""
+        """Finished field, on the CPU (see `GridLearner.field`)."""
         return self.so_far(finish)
 
     @property
     def _blocks(self) -> Bool[Tensor, "bx by bz"]:
-        """Blocks of which a part is looked at."""
+        """Blocks of which a part is sampled."""
         return torch.nn.functional.max_pool3d(self.parts[None].float(), 2, ceil_mode=True)[0] > 0
 
     def _errors(self, batch: RayBatch, leaves: list[Tensor]) -> tuple[Tensor, Tensor]:
@@ -216,7 +217,7 @@ class TorchLearner:
     def _mixed(
         self, leaf: Tensor, origins: Tensor, directions: Tensor, samples: RaySamples
     ) -> tuple[Tensor, Tensor]:
-        """Densities (n, samples) and colours (n, samples, 3) between the nodes of the box; 0 where nobody looks."""
+        """Densities (n, samples) and colours (n, samples, 3) between the nodes of the box; 0 in empty parts."""
         points = (origins[:, None] + samples.distances[..., None] * directions[:, None])[samples.mask]
         mixed = trilinear(leaf, self._box, points)
         density = origins.new_zeros(samples.mask.shape)
@@ -226,7 +227,7 @@ class TorchLearner:
         return density, color
 
     def _samples(self, origins: Tensor, directions: Tensor, jitter: Tensor) -> RaySamples:
-        """A sample every half voxel in the parts that are looked at."""
+        """A sample every half voxel in the parts that are sampled."""
         step = self._sample_step
         enter, leave = box_interval(self._box, origins, directions)
         counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)

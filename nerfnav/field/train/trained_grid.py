@@ -2,10 +2,9 @@
 
 Memory: a node has 16 bytes of values and 4 of learning rate; where its block of 4 x 4 x 4 nodes has a slot, 32 more
 for the moments and 16 for each thread's gradient. Only blocks that are not known to be empty have slots. Measured
-with three threads, all told: 256^3 nodes take 1.3 GB where 40 % of the blocks hold something, and 2.1 GB where all
+with three threads, in all: 256^3 nodes take 1.3 GB where 40 % of the blocks hold something, and 2.1 GB where all
 do.
 """
-
 
 import numpy as np
 import torch
@@ -15,7 +14,7 @@ from torch import Tensor
 from nerfnav.field.kernels import adam
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
 from nerfnav.field.render.surroundings import SPAN, uncontracted
-from nerfnav.field.train.training_volume import VALUE_BOUNDS, Place
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, TrainingVolume
 from nerfnav.geometry import PosedImages, node_positions
 
 _BLOCK_NODES = (1 << BLOCK_SHIFT) ** 3
@@ -48,7 +47,7 @@ class TrainedGrid:
 
     @classmethod
     def nothing(cls, workers: int) -> "TrainedGrid":
-        """A grid without nodes, for what is not there."""
+        """A grid without nodes, for a field without surroundings."""
         empty = torch.zeros(0, 0, 0)
         return cls(torch.zeros(0, 0, 0, 4), empty, empty.bool(), torch.zeros(2, 4), workers)
 
@@ -80,7 +79,7 @@ class TrainedGrid:
         return torch.from_numpy(self.values)
 
     def forget(self) -> None:
-        """Clear the gradients."""
+        """Clear the gradients of all threads."""
         self.gradients[:] = 0
         self.touched[:] = 0
 
@@ -108,7 +107,7 @@ def refined(values: Float[Tensor, "mx my mz c"], shape: tuple[int, int, int]) ->
 
 
 def training_bytes(nodes: int, workers: int) -> int:
-    """What a grid of so many nodes takes in training [bytes], at most: when no block is known to be empty."""
+    """Largest memory that training a grid of so many nodes takes [bytes]: when no block is known to be empty."""
     return nodes * (16 + 4 + 32 + 16 * workers)
 
 
@@ -121,7 +120,7 @@ def _with_borders(occupied: Bool[Tensor, "bx by bz"]) -> Bool[Tensor, "bx by bz"
     return needed
 
 
-_START_OUTSIDE = -4.5  # about half of the light gets through all shells
+_START_OUTSIDE = -4.5  # about half of the light passes all shells
 
 
 def views_of(points: Float[Tensor, "*batch 3"], photographs: PosedImages) -> Float[Tensor, "*batch"]:
@@ -134,7 +133,7 @@ def views_of(points: Float[Tensor, "*batch 3"], photographs: PosedImages) -> Flo
     return (seen / seen.max().clamp_min(1)).reshape(points.shape[:-1])
 
 
-def clear_around(place: Place, photographs: PosedImages, outside: int, workers: int) -> TrainedGrid:
+def clear_around(place: TrainingVolume, photographs: PosedImages, outside: int, workers: int) -> TrainedGrid:
     """Surroundings on a grid of `outside`^3 nodes in which nothing is known yet; 0 for a plain background."""
     if outside == 0:
         return TrainedGrid.nothing(workers)

@@ -17,18 +17,18 @@ VALUE_BOUNDS = torch.tensor([[EMPTY_RAW, 0.0, 0.0, 0.0], [2.0, 1.0, 1.0, 1.0]])
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where there is something to learn."""
+class TrainingVolume:
+    """Box, background and unit of a training."""
 
     box: Box
-    """What the grid covers."""
+    """Region that the grid covers."""
     background: Float[Tensor, "3"]
     """Colour of rays that nothing stops."""
     unit: float
     """Length [m] that densities are weighed in: fog is thin or thick for the size of a place's voxels."""
 
     @classmethod
-    def of(cls, box: Box, background: Float[Tensor, "3"], voxel: float) -> "Place":
+    def of(cls, box: Box, background: Float[Tensor, "3"], voxel: float) -> "TrainingVolume":
         """A place that is learned with voxels of so many metres."""
         return cls(box, background, VOXELS_IN_UNIT * voxel)
 
@@ -38,20 +38,20 @@ _FAINT_OUTSIDE = -7.0  # raw density of a shell that stops less than 0.25 % of t
 
 @dataclass(frozen=True)
 class Finish:
-    """What becomes of trained densities in the end. They are in 1/unit, as fog is thin or thick for the voxels."""
+    """Final treatment of trained densities. They are in 1/unit, as fog is thin or thick for the voxels."""
 
     empty_below: float = 0.5
     """Density under which a node is emptied: 8 voxels of it would stop 5 % of the light."""
     firm_above: float = 10.0
     """Density over which a node is part of a surface: more than maps take for free, so that gaps stay as wide."""
     firmness: float = 2.0
-    """What densities of surfaces are multiplied by. Colours do not tell a wall that stops 60 % of the light before
+    """Factor on the densities of surfaces. Colours do not distinguish a wall that stops 60 % of the light before
     another one of its colour from a solid one; robots do. On the church, 2 gains 0.2 dB, and the share of surfaces
     with an optical depth of 1 (2.3) rises from 92 to 96 % (from 79 to 90 %); 4 costs 0.6 dB."""
 
 
 def finish_densities(
-    place: Place, values: Float[Tensor, "nx ny nz 4"], occupied: Bool[Tensor, "bx by bz"], finish: Finish
+    place: TrainingVolume, values: Float[Tensor, "nx ny nz 4"], occupied: Bool[Tensor, "bx by bz"], finish: Finish
 ) -> None:
     """Give densities their last values, in place: fog and blocks not `occupied` become empty, surfaces firm."""
     nx, ny, nz, _ = values.shape
@@ -65,9 +65,9 @@ def finish_densities(
 
 
 def finish_field(
-    place: Place, values: Float[Tensor, "nx ny nz 4"], outer: Float[Tensor, "m m m 4"] | None
+    place: TrainingVolume, values: Float[Tensor, "nx ny nz 4"], outer: Float[Tensor, "m m m 4"] | None
 ) -> VoxelField:
-    """A field of finished values; what is around it has its faintest shells emptied, in place."""
+    """Make a field of finished values; the faintest shells of its surroundings are emptied, in place."""
     if outer is None:
         return VoxelField(place.box, values, place.background)
     outer[..., 0][outer[..., 0] < _FAINT_OUTSIDE] = EMPTY_RAW

@@ -1,1 +1,1 @@
-"""Photographs that somebody took, with their poses: nerfstudio, instant-ngp, Blender and COLMAP captures."""
+"""Captures: photographs with camera poses from nerfstudio, instant-ngp, Blender, COLMAP and phone apps."""

@@ -1,4 +1,4 @@
-"""Capture archives: unpack a capture from one .zip file, with limits, because the file may come from anybody."""
+"""Capture archives: unpack a capture from an untrusted .zip file, with limits on count and size."""
 
 import lzma
 import struct
@@ -14,18 +14,18 @@ MOST_FILES = 20_000
 MOST_BYTES = 4 << 30
 """Bytes that are unpacked."""
 MOST_SWELLING = 200
-"""How many times larger than the archive its content may be, above what every archive may hold."""
+"""Largest ratio of content to archive size, above the allowance `_FREE_BYTES`."""
 _FREE_BYTES = 64 << 20
 """Content that every archive may hold, however small it is."""
 _NAMED = ("metadata",)
-"""Names of files without an ending that a capture is made of: Record3D's."""
+"""Extensionless files of captures: Record3D's."""
 _WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".npy")
-"""Endings of the files that a capture is made of; others are left in the archive."""
+"""Endings of files that captures consist of; others stay in the archive."""
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, UnicodeDecodeError, ValueError,
     NotImplementedError, RuntimeError,
 )  # fmt: skip
-"""What zipfile raises for broken data, and, the last two, for unknown methods and passwords."""
+"""Exceptions of zipfile for broken data; the last two are for unknown methods and passwords."""
 _REASON = "it is cut off, encrypted or another kind of file"
 _DEPTH = 3
 """Folders under which the capture may lie in the archive."""
@@ -40,7 +40,7 @@ def unpack_capture(archive: Path, into: Path) -> Path:
     return _capture_in(into, archive)
 
 
-def names_in(archive: Path) -> list[str]:
+def list_names(archive: Path) -> list[str]:
     """Names of the files in an archive. Raises CaptureError where it is broken."""
     try:
         with zipfile.ZipFile(archive) as content:

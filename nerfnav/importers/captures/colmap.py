@@ -5,7 +5,6 @@ COLMAP gives T_camera_world with OpenCV axes (x right, y down, looking along z) 
 Points are where rays of matched features met, with the tracks of images that show them.
 """
 
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +21,12 @@ _SHORTEST = 3
 _WRONG = 2.0
 """Mean distance of a point from its features above which it is none [pixels]."""
 
-_Point = tuple[tuple[float, ...], float, tuple[int, ...]]
-"""Position, reprojection error [pixels] and the numbers of the images that show it."""
+
+@dataclass(frozen=True)
+class _Point:
+    position: tuple[float, ...]
+    error: float  # of reprojection [pixels]
+    images: tuple[int, ...]  # numbers of those that show it
 
 
 def read_points(model: Path, names: dict[int, str]) -> Tracks | None:
@@ -35,13 +38,13 @@ def read_points(model: Path, names: dict[int, str]) -> Tracks | None:
     if not binary.is_file() and not text.is_file():
         return None
     points, images, numbers = [], [], []
-    for position, error, track in _binary_points(binary) if binary.is_file() else _text_points(text):
-        seen_from = {names[image] for image in track if image in names}
-        if len(seen_from) < _SHORTEST or not error <= _WRONG or not (np.abs(position) < LARGEST).all():
+    for point in _binary_points(binary) if binary.is_file() else _text_points(text):
+        seen_from = {names[image] for image in point.images if image in names}
+        if len(seen_from) < _SHORTEST or not point.error <= _WRONG or not (np.abs(point.position) < LARGEST).all():
             continue
         images += sorted(seen_from)
         numbers += len(seen_from) * [len(points)]
-        points.append(position)
+        points.append(point.position)
     return Tracks(np.array(points).reshape(-1, 3), tuple(images), np.array(numbers, int)) if points else None
 
 
@@ -50,7 +53,7 @@ def _text_points(path: Path) -> Iterator[_Point]:
         words = line.split()
         try:
             _, *position = map(float, words[:4])
-            yield tuple(position), float(words[7]), tuple(map(int, words[8::2]))
+            yield _Point(tuple(position), float(words[7]), tuple(map(int, words[8::2])))
         except (ValueError, IndexError) as error:
             raise CaptureError(f"{path} has a line that describes no point: {line[:60]!r}") from error
 
@@ -62,13 +65,13 @@ def _binary_points(path: Path) -> Iterator[_Point]:
         position = data.numbers("3d")
         data.skip(3)  # its colour
         (error,) = data.numbers("d")
-        yield position, error, tuple(map(int, data.numbers(f"{2 * data.integer('Q')}i")[::2]))
+        yield _Point(position, error, tuple(map(int, data.numbers(f"{2 * data.integer('Q')}i")[::2])))
 
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
-"""Where a capture keeps its model."""
+"""Folders in which a capture may keep its model."""
 _MOVED = 1e-3
-"""How far cameras may be from where a model has them, as a share of how far they are apart."""
+"""Largest difference between camera positions and those of the model, in extents of the positions."""
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -88,7 +91,7 @@ def model_folder(folder: Path) -> Path | None:
 
 
 def read_colmap(folder: Path) -> Views:
-    """What the model in a capture's folder says. Raises CaptureError where it cannot be used."""
+    """Read the COLMAP model in a capture's folder. Raises CaptureError where it cannot be used."""
     model = model_folder(folder)
     if model is None:
         raise CaptureError(f"{folder} has no COLMAP model")
@@ -110,7 +113,7 @@ def read_colmap(folder: Path) -> Views:
     return Views("COLMAP", tuple(sorted(views, key=lambda view: view.name)), tracks)
 
 
-def tracks_beside(folder: Path, views: tuple[View, ...]) -> Tracks | None:
+def read_tracks_beside(folder: Path, views: tuple[View, ...]) -> Tracks | None:
     """The points of the COLMAP model from which other files of a capture were made, as nerfstudio leaves it there.
 
     None where there is no model, or the cameras of `views` were moved since. Raises CaptureError for a broken one.
@@ -130,7 +133,7 @@ def tracks_beside(folder: Path, views: tuple[View, ...]) -> Tracks | None:
 
 
 def _alike(poses: list[np.ndarray], views: list[View]) -> bool:
-    """Whether cameras are where poses (4, 4) have them, but for rounding."""
+    """True where cameras have the positions of poses (4, 4) up to rounding."""
     there, here = (np.stack(each)[:, :3, 3] for each in (poses, [view.pose for view in views]))
     return bool(np.abs(there - here).max() <= _MOVED * np.ptp(there, axis=0).max())
 

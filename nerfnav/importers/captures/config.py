@@ -12,26 +12,26 @@ from nerfnav.importers.core.placement import Placement
 
 @dataclass(frozen=True)
 class ImportConfig:
-    """How a capture is imported."""
+    """Options of a capture import."""
 
     placement: Placement = field(default_factory=Placement)
-    """Where up is, how long a metre is, which part is wanted."""
+    """Up direction, scale and box of the capture."""
     downscale: int | None = None
-    """How many times smaller the photographs are made; None: until the longest side has at most 640 pixels."""
+    """Downscaling factor of the photographs; None: until the longest side has at most 640 pixels."""
     held_out_every: int = 8
-    """One of so many photographs is held out, unless the capture itself says which."""
+    """Every n-th photograph is held out, unless the capture defines a test split."""
     depth: bool = True
-    """Whether depth maps are read where there are any."""
+    """Read depth maps where there are any."""
     within: Path | None = None
-    """Folder outside of which no photograph is read, for captures that anybody may have brought; None: anywhere."""
+    """Folder outside of which no photograph is read, for untrusted captures; None: no restriction."""
 
 
 @dataclass(frozen=True)
 class CaptureReport:
-    """What was found, and what was guessed."""
+    """Report of an import: counts, sizes, placement and guesses."""
 
     kind: str
-    """Which kind of files: "transforms.json", "Blender", "COLMAP"."""
+    """Kind of capture: "transforms.json", "Blender", "COLMAP"."""
     images_named: int
     """Photographs that the files name."""
     images_used: int
@@ -43,7 +43,7 @@ class CaptureReport:
     image_size: tuple[int, int]
     """Width and height of the photographs after all [pixels]."""
     downscale: int
-    """How many times smaller they were made."""
+    """Downscaling factor."""
     images_with_depth: int
     """Photographs with a depth map."""
     points: int
@@ -55,36 +55,26 @@ class CaptureReport:
     box: tuple[tuple[float, ...], tuple[float, ...]]
     """Lowest and highest corner of the field [m]."""
     camera: tuple[float, ...]
-    """What the first photograph was taken with, as `Camera.numbers` has it; empty for lenses of more numbers."""
+    """Camera of the first photograph, as `Camera.numbers`; empty for lenses with more coefficients than those hold."""
     placed: tuple[float, ...]
-    """What takes the capture's own coordinates to the field's: `Similarity.numbers`."""
+    """Similarity from the capture's coordinates to the field's: `Similarity.numbers`."""
     guesses: tuple[str, ...]
-    """What nobody said and the cameras do not tell for sure: one sentence each."""
+    """Placement that was neither given nor certain: one sentence each."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImportedCapture:
-    """Ready to train from."""
+    """Capture that is ready to train from."""
 
     learned: PosedImages
     """Photographs to learn from."""
     held_out: PosedImages
     """Photographs that judge the field."""
     box: Box
-    """Where the field lives [m]."""
+    """Box of the field [m]."""
     background: Float[Tensor, "3"]
     """sRGB colour behind everything, in [0, 1]: white behind cut-out pictures, else the photographs' mean."""
     bounded: bool
-    """Whether the pictures are cut out, so that nothing lies outside the box."""
+    """True for cut-out pictures: nothing is outside the box."""
     report: CaptureReport
-    """What was found and guessed."""
-
-
-@dataclass(frozen=True)
-class ImportStep:
-    """Where importing stands."""
-
-    fraction: float
-    """Share that is done, 0 to 1."""
-    capture: ImportedCapture | None = None
-    """The capture; set on the last step."""
+    """Counts, sizes, placement and guesses."""

@@ -8,7 +8,6 @@ millimetres) or those of the app that wrote them, 0 where nothing was measured. 
 each pixel's ray, in metres; what a sensor is unsure of counts as not measured.
 """
 
-
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from torch import Tensor
 
 from nerfnav.core.extras import import_extra
 from nerfnav.geometry import Camera
-from nerfnav.importers.captures.pictures import undistortion
+from nerfnav.importers.captures.pictures import Picture, undistortion
 from nerfnav.importers.captures.views import CaptureError, DepthFile, View
 
 _EXTRA = "depth"
@@ -32,16 +31,16 @@ _MOST_PACKED = 16 << 20
 
 
 def stored_depth(file: DepthFile) -> np.ndarray | None:
-    """The numbers in a file as they are stored; None where it is no whole file of a known kind.
+    """Read the stored numbers of a depth file; None where it is no whole file of a known kind.
 
-    Raises CaptureError for a map of another size than its capture says, and MissingExtraError for a kind that an extra
+    Raises CaptureError for a map of another size than its metadata give, and MissingExtraError for a kind that an extra
     reads.
     """
     return _stored(file.path, file.size, np.float32)
 
 
 def stored_confidence(file: DepthFile) -> np.ndarray | None:
-    """How sure a file's depths are, as stored: 0 is unsure; None where nothing tells, or the file cannot be read."""
+    """Read the stored confidence of a depth file: 0 is unsure; None where there is none or it cannot be read."""
     return None if file.confidence is None else _stored(file.confidence, file.size, np.uint8)
 
 
@@ -64,7 +63,7 @@ def _unpacked(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarra
     """Rows of a map of `size` (width, height) that LZFSE has compressed."""
     lzfse: Any = import_extra("lzfse", _EXTRA, _USER)
     if size is None:
-        raise CaptureError(f"{path} does not tell how large it is: its capture's metadata lack dw and dh, in pixels")
+        raise CaptureError(f"the size of {path} is not known: its capture's metadata lack dw and dh, in pixels")
     if path.stat().st_size > _MOST_PACKED:
         return None
     try:
@@ -73,7 +72,7 @@ def _unpacked(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarra
         return None
     if len(numbers) != size[0] * size[1]:
         raise CaptureError(
-            f"{path} holds {len(numbers)} numbers, not the {size[0]} x {size[1]} that the metadata (dw, dh) tell"
+            f"{path} holds {len(numbers)} numbers, not the {size[0]} x {size[1]} of the metadata (dw, dh)"
         )
     return numbers.reshape(size[1], size[0])
 
@@ -96,50 +95,50 @@ def _exr(path: Path) -> np.ndarray | None:
 NOISE = 0.01
 """Share by which the depths of sensors may be wrong: 2 to 3 cm at 3 m."""
 _ASPECT = 0.02
-"""How far the shape of a depth map may be from its picture's."""
+"""Largest relative difference of the aspect ratios of a depth map and its picture."""
 _NEAREST, _FARTHEST = 0.02, 500.0
 """Median depth, in what the cameras are apart, beyond which the unit of depths must be another one."""
 
 
-def read_depth(view: View) -> Float[np.ndarray, "h w"]:
-    """Depths along the optical axis, in the capture's units. Raises CaptureError for what is no depth map."""
-    assert view.depth is not None
-    file, path = view.depth, view.depth.path
+def read_depth(file: DepthFile) -> Float[np.ndarray, "h w"]:
+    """Read depths along the optical axis, in the capture's units. Raises CaptureError for files that hold none."""
     stored = stored_depth(file)
     if stored is None or stored.ndim != 2 or stored.dtype == np.uint8:
         raise CaptureError(
-            f"{path} is no readable depth map: one channel of 16-bit or floating-point numbers is needed, as .png, "
-            ".tiff, .npy or .exr"
+            f"{file.path} is no readable depth map: one channel of 16-bit or floating-point numbers is needed, "
+            "as .png, .tiff, .npy or .exr"
         )
     depth = stored.astype(np.float32) * np.float32(file.unit)
     if not np.isfinite(depth).all() or (depth < 0).any():
-        raise CaptureError(f"{path} has depths that are NaN, infinite or below 0: write 0 where nothing was measured")
-    return np.where(_sure(file, depth.shape) & (depth <= file.farthest), depth, np.float32(0))
+        raise CaptureError(
+            f"{file.path} has depths that are NaN, infinite or below 0: write 0 where nothing was measured"
+        )
+    return np.where(_trusted(file, depth.shape) & (depth <= file.farthest), depth, np.float32(0))
 
 
-def _sure(file: DepthFile, shape: tuple[int, ...]) -> np.ndarray:
-    """Where depths are to be trusted. Raises CaptureError for a confidence map that does not fit its depth map."""
+def _trusted(file: DepthFile, shape: tuple[int, ...]) -> np.ndarray:
+    """Mask of trusted depths. Raises CaptureError for a confidence map that does not fit its depth map."""
     if file.confidence is None:
         return np.ones(shape, bool)
     levels = stored_confidence(file)
     if levels is None or levels.shape != shape:
-        told = "cannot be read" if levels is None else f"has {levels.shape[1]} x {levels.shape[0]} pixels"
+        wrong = "cannot be read" if levels is None else f"has {levels.shape[1]} x {levels.shape[0]} pixels"
         raise CaptureError(
-            f"the confidence map {file.confidence} {told}: one channel of {shape[1]} x {shape[0]} is needed, as its "
+            f"the confidence map {file.confidence} {wrong}: one channel of {shape[1]} x {shape[0]} is needed, as its "
             "depth map has"
         )
     return levels > 0
 
 
-def along_rays(
-    depth: Float[np.ndarray, "h w"], seen: tuple[Camera, tuple[float, ...]], camera: Camera, view: View
+def convert_to_ray_depths(
+    depth: Float[np.ndarray, "h w"], picture: Picture, camera: Camera, view: View
 ) -> Float[np.ndarray, "h w"]:
-    """Depths as distances along the rays of `camera`, of a map that was seen by another camera with a distortion.
+    """Convert the depth map of a picture to distances along the rays of `camera`.
 
     Raises CaptureError where the map has another shape than its picture.
     """
     height, width = depth.shape
-    own, distortion = seen
+    own = picture.camera
     path = None if view.depth is None else view.depth.path
     if abs(width / height * own.height / own.width - 1) > _ASPECT + 1 / min(width, height):
         raise CaptureError(
@@ -147,15 +146,16 @@ def along_rays(
             "depth must be registered to the colours"
         )
     fine = depth_camera(camera, own, (width, height))
-    if distortion or own.resized(width, height) != fine:
-        maps = undistortion(own.resized(width, height), distortion, fine)
+    if picture.distortion or own.resized(width, height) != fine:
+        maps = undistortion(own.resized(width, height), picture.distortion, fine)
         depth = cv2.remap(depth, *maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     ahead = -fine.directions(fine.pixels())[:, 2].reshape(fine.height, fine.width).numpy()
     return depth / ahead
 
 
 def depth_camera(camera: Camera, own: Camera, size: tuple[int, int]) -> Camera:
-    """What `camera` is for depths, when those of a picture of camera `own` have `size` (width, height)."""
+    """Camera of depth maps: `camera` at the resolution `size` (width, height) of the maps of pictures of camera
+    `own`."""
     return camera.resized(
         max(1, round(camera.width * size[0] / own.width)), max(1, round(camera.height * size[1] / own.height))
     )
@@ -163,15 +163,15 @@ def depth_camera(camera: Camera, own: Camera, size: tuple[int, int]) -> Camera:
 
 def require_units(depths: Float[Tensor, "n h w"], centers: Float[np.ndarray, "n 3"]) -> None:
     """Raise CaptureError where depths [m] cannot be in the unit that the cameras' positions [m] are in."""
-    told = depths[depths > 0]
-    if len(told) == 0:
+    measured = depths[depths > 0]
+    if len(measured) == 0:
         raise CaptureError("the depth maps hold no depth at all: every pixel is 0")
-    middle = float(told.median())
-    spread = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
-    if not _NEAREST * spread <= middle <= _FARTHEST * spread:
+    middle = float(measured.median())
+    extent = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
+    if not _NEAREST * extent <= middle <= _FARTHEST * extent:
         raise CaptureError(
-            f"half of the depths are above {middle:.3g} m although the cameras are {spread:.3g} m apart: they are in "
-            "another unit, which depth_unit_scale_factor must tell (0.001 for millimetres)"
+            f"half of the depths are above {middle:.3g} m although the cameras are {extent:.3g} m apart: they are in "
+            "another unit: set depth_unit_scale_factor (0.001 for millimetres)"
         )
 
 
@@ -183,21 +183,19 @@ def points_of(
     directions, found = camera.directions(pixels).numpy(), []
     for depth, pose in zip(depths, poses, strict=True):
         along = depth.reshape(-1)[::every].numpy()
-        told = along > 0
-        found.append(pose[:3, 3] + along[told, None] * (directions[told] @ pose[:3, :3].T))
+        measured = along > 0
+        found.append(pose[:3, 3] + along[measured, None] * (directions[measured] @ pose[:3, :3].T))
     return np.concatenate(found)
 
 
-def stacked(maps: list[Float[np.ndarray, "h w"] | None]) -> Float[Tensor, "n h w"] | None:
-    """All depth maps, 0 for pictures without one; None where no picture has any.
+def stack_depths(maps: list[Float[np.ndarray, "h w"] | None]) -> Float[Tensor, "n h w"]:
+    """Stack depth maps, of which there is at least one; 0 for pictures without one.
 
     Raises CaptureError where they differ in size.
     """
     sizes = {depth.shape for depth in maps if depth is not None}
-    if not sizes:
-        return None
     if len(sizes) > 1:
-        told = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
-        raise CaptureError(f"the depth maps differ in size ({told} pixels): make them all alike")
+        listed = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
+        raise CaptureError(f"the depth maps differ in size ({listed} pixels): make them all alike")
     (size,) = sizes
     return torch.from_numpy(np.stack([np.zeros(size, np.float32) if depth is None else depth for depth in maps]))

@@ -1,42 +1,54 @@
 """Capture formats: detect the format of a folder or file, and read its views."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from nerfnav.importers.captures import colmap, nerfstudio_run, polycam, record3d, scanner, transforms
+from nerfnav.importers.captures import colmap, nerfstudio_run, phones, transforms
 from nerfnav.importers.captures.views import CaptureError, Views
 
-_FOLDERS: tuple[tuple[Callable[[Path], bool], Callable[[Path], Views]], ...] = (
-    (transforms.is_transforms, transforms.read_transforms),
-    (transforms.is_blender, transforms.read_blender),
-    (lambda folder: colmap.model_folder(folder) is not None, colmap.read_colmap),
-    (polycam.is_polycam, polycam.read_polycam),
-    (record3d.is_record3d, record3d.read_record3d),
-    (scanner.is_scanner, scanner.read_scanner),
+
+@dataclass(frozen=True)
+class CaptureFormat:
+    """Format of capture folders."""
+
+    matches: Callable[[Path], bool]
+    """Detects a folder of the format."""
+    read: Callable[[Path], Views]
+    """Reads such a folder."""
+
+
+FORMATS = (
+    CaptureFormat(transforms.is_transforms, transforms.read_transforms),
+    CaptureFormat(transforms.is_blender, transforms.read_blender),
+    CaptureFormat(lambda folder: colmap.model_folder(folder) is not None, colmap.read_colmap),
+    CaptureFormat(phones.is_polycam, phones.read_polycam),
+    CaptureFormat(phones.is_record3d, phones.read_record3d),
+    CaptureFormat(phones.is_scanner, phones.read_scanner),
 )
-"""What tells each kind of folder, and what reads it; the first that takes it does."""
+"""Formats of capture folders; the first that matches reads the folder."""
 
 
 def is_capture(path: Path) -> bool:
-    """Whether a folder holds the files of a capture of any kind, or a file is a nerfstudio run's configuration."""
+    """True for a folder that holds a capture of any format, and for the configuration file of a nerfstudio run."""
     if path.is_file():
         return path.name == nerfstudio_run.CONFIG and nerfstudio_run.is_run(path)
-    return nerfstudio_run.is_run(path) or any(takes(path) for takes, _ in _FOLDERS)
+    return nerfstudio_run.is_run(path) or any(form.matches(path) for form in FORMATS)
 
 
 def read_views(path: Path) -> Views:
-    """What the files of a capture say: a folder, a transforms.json, or the config.yml of a nerfstudio run.
+    """Read the views of a capture: a folder, a transforms.json, or the config.yml of a nerfstudio run.
 
     Raises CaptureError where it is no capture, or one that cannot be used.
     """
     if nerfstudio_run.is_run(path):
         run = nerfstudio_run.read_run(path)
-        return nerfstudio_run.moved(read_views(run.data), run)
+        return nerfstudio_run.transform_to_run(read_views(run.data), run)
     if path.is_file():
         return transforms.read_transforms(path)
-    for takes, read in _FOLDERS:
-        if takes(path):
-            return read(path)
+    for form in FORMATS:
+        if form.matches(path):
+            return form.read(path)
     raise CaptureError(
         f"{path} is no capture: there is no transforms.json (nerfstudio, instant-ngp), no transforms_train.json "
         f"(Blender), no cameras and images, .bin or .txt, in {' or '.join(colmap.MODEL_FOLDERS)} (COLMAP), no "

@@ -1,4 +1,4 @@
-"""nerfstudio's run folders: config.yml names the data that a field was trained from, dataparser_transforms.json says
+"""nerfstudio's run folders: config.yml names the data that a field was trained from, dataparser_transforms.json holds
 how nerfstudio turned and moved it; the field itself, a pickle of nerfstudio's own classes, is not read.
 
 The data are learned anew, in nerfstudio's world as far as that is rigid: with T (3 x 4) of the dataparser a camera is
@@ -20,9 +20,9 @@ from nerfnav.importers.captures.views import LARGEST, CaptureError, Views, read_
 
 CONFIG, TRANSFORMS = "config.yml", "dataparser_transforms.json"
 _PARENTS = 5
-"""Folders above a run in which relative paths are looked up: outputs/NAME/METHOD/TIME, and where it was started."""
+"""Parent folders of a run in which relative paths are resolved: outputs/NAME/METHOD/TIME and the working directory."""
 _COLMAP = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
-"""What nerfstudio takes for applied where the data came from COLMAP and their file does not say."""
+"""Transform that nerfstudio assumes for data from COLMAP whose file has no applied_transform."""
 
 
 class _Plain(yaml.SafeLoader):
@@ -42,16 +42,16 @@ _Plain.add_multi_constructor("tag:yaml.org,2002:python/", _plain)
 
 @dataclass(frozen=True)
 class Run:
-    """A run folder."""
+    """Run folder of nerfstudio."""
 
     data: Path
     """The data that it was trained from."""
-    moved: np.ndarray
-    """What nerfstudio did to the data's own world: a rigid 4 x 4 transform."""
+    transform: np.ndarray
+    """Rigid 4 x 4 transform from the data's world to that of nerfstudio."""
 
 
 def is_run(path: Path) -> bool:
-    """Whether a path is a run folder or its config.yml; other programs have files of this name, too."""
+    """True for a run folder or its config.yml; other programs have files of this name, too."""
     config = _config(path)
     try:
         with config.open("rb") as file:
@@ -62,37 +62,37 @@ def is_run(path: Path) -> bool:
 
 
 def read_run(path: Path) -> Run:
-    """Where the data of a run are, and what was done to them. Raises CaptureError where they are not to be found."""
+    """Read the data path and the transform of a run. Raises CaptureError where the data cannot be found."""
     config = _config(path)
     try:
-        said = yaml.load(config.read_text(encoding="utf-8", errors="replace"), Loader=_Plain)
+        content = yaml.load(config.read_text(encoding="utf-8", errors="replace"), Loader=_Plain)
     except (yaml.YAMLError, OSError, RecursionError, ValueError, TypeError) as error:
         raise CaptureError(f"{config} is cut off or no configuration of nerfstudio") from error
-    data = _found(config, _named(said))
+    data = _found(config, _named(content))
     transforms = config.parent / TRANSFORMS
     return Run(data, _matrix(transforms) if transforms.is_file() else np.eye(4))
 
 
-def moved(views: Views, run: Run) -> Views:
-    """The views of a run's data in its world."""
-    similarity = run.moved
+def transform_to_run(views: Views, run: Run) -> Views:
+    """Transform the views of a run's data to its world."""
+    similarity = run.transform
     file = run.data if run.data.is_file() else run.data / "transforms.json"
     by_colmap = file.is_file() and (file.parent / "colmap" / "sparse" / "0").is_dir()
     if by_colmap and not read_json(file).get("applied_transform"):
         similarity = similarity @ np.linalg.inv(_COLMAP)
-    return replace(views.moved(similarity), kind="nerfstudio run")
+    return replace(views.transformed(similarity), kind="nerfstudio run")
 
 
 def _config(path: Path) -> Path:
     return path / CONFIG if path.is_dir() else path
 
 
-def _named(said: Any) -> list[PurePosixPath]:
+def _named(content: Any) -> list[PurePosixPath]:
     """Paths that a configuration gives for its data, the most specific first."""
     places = (("pipeline", "datamanager", "dataparser"), ("pipeline", "datamanager"), ())
     paths = []
     for place in places:
-        section = said
+        section = content
         for name in place:
             section = section.get(name) if isinstance(section, dict) else None
         parts = section.get("data") if isinstance(section, dict) else None

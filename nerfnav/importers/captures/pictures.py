@@ -1,4 +1,4 @@
-"""Photographs as pixels: read, made smaller, undistorted, and all resampled to one pinhole camera.
+"""Photographs as pixels: read, made smaller, undistorted, and all resample_picture to one pinhole camera.
 
 One camera for all keeps everything behind it simple. It sees what every photograph shows: the borders that only some
 of them show, or that undistortion leaves empty, are cut off. Of a fisheye it sees 120 degrees at most, for a pinhole
@@ -22,8 +22,8 @@ _LEAST_PIXELS = 8
 """Along each side of what all photographs show."""
 _BORDER_POINTS = 33
 """Points along each border of a distorted picture that are followed."""
-_ASTRAY = 0.5
-"""How far undistorting and distorting again may lead from a point [pixels]."""
+_ROUND_TRIP = 0.5
+"""Largest round-trip error of undistorting and distorting a point [pixels]."""
 _ROUNDS = 200
 """Steps in which a distortion is undone."""
 _WIDEST = math.tan(math.radians(60))
@@ -46,7 +46,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class _Window:
-    """What a picture shows on the plane at depth 1, x to the right and y down."""
+    """Window on the plane at depth 1 that a picture shows, x to the right and y down."""
 
     left: float
     right: float
@@ -62,7 +62,7 @@ def read_pixels(path: Path, lens: Lens | None = None) -> np.ndarray | None:
         return None
 
 
-def shrunk(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:
+def shrink_picture(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:
     """A photograph `downscale` times smaller along each side, each pixel the mean of those that it stands for."""
     height, width = pixels.shape[:2]
     lens.camera(width, height)  # refuses a shape that is not the lens's
@@ -91,8 +91,8 @@ def common_camera(pictures: list[Picture]) -> Camera:
     return Camera(width, height, fx, fy, -left * fx, -top * fy)
 
 
-def resampled(picture: Picture, camera: Camera) -> np.ndarray:
-    """What `camera` sees of a picture: (height, width, 3 or 4)."""
+def resample_picture(picture: Picture, camera: Camera) -> np.ndarray:
+    """Resample a picture to `camera`: (height, width, 3 or 4)."""
     straight = not picture.distortion and not picture.camera.fisheye
     if straight and np.allclose(picture.camera.numbers, camera.numbers, rtol=0, atol=1e-6):
         return picture.pixels
@@ -101,7 +101,7 @@ def resampled(picture: Picture, camera: Camera) -> np.ndarray:
 
 
 def undistortion(seen: Camera, distortion: tuple[float, ...], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Where the pixels of a pinhole `camera` lie in pictures of another one with a distortion, as cv2.remap has it."""
+    """Undistortion maps for cv2.remap: pixels of a pinhole `camera` in pictures of camera `seen` with a distortion."""
     straightened = cv2.fisheye.initUndistortRectifyMap if seen.fisheye else cv2.initUndistortRectifyMap
     coefficients = np.array((seen.distortion if seen.fisheye else distortion) or (0.0, 0.0, 0.0, 0.0))
     size = camera.width, camera.height
@@ -109,7 +109,7 @@ def undistortion(seen: Camera, distortion: tuple[float, ...], camera: Camera) ->
 
 
 def over_white(pixels: np.ndarray) -> np.ndarray:
-    """Colours (height, width, 3) as they look in front of white."""
+    """Composite colours (height, width, 3) over white."""
     if pixels.shape[2] == 3:
         return pixels
     opacity = pixels[..., 3:].astype(np.float32) / 255
@@ -133,7 +133,7 @@ def _window(camera: Camera, distortion: tuple[float, ...]) -> _Window:
 
 
 def _fisheye_window(camera: Camera) -> _Window:
-    """What lies in the picture up to 60 degrees along each axis, shrunk until its corners lie in it too."""
+    """Window of a fisheye up to 60 degrees along each axis, shrunk until its corners are in the picture."""
     left, right, top, bottom = (_reach(camera, *way) for way in ((-1, 0), (1, 0), (0, -1), (0, 1)))
     along_x, along_y = np.linspace(-left, right, _BORDER_POINTS), np.linspace(-top, bottom, _BORDER_POINTS)
     sides = ((-left, along_y), (right, along_y), (along_x, -top), (along_x, bottom))
@@ -145,13 +145,13 @@ def _fisheye_window(camera: Camera) -> _Window:
 
 
 def _reach(camera: Camera, x: float, y: float) -> float:
-    """How far a fisheye's picture goes from its principal point along (x, y), on the plane at depth 1."""
+    """Extent of a fisheye's picture from its principal point along (x, y), on the plane at depth 1."""
     lengths = _WIDEST * _SHRINKING
     return float(lengths[_inside(camera, np.outer(lengths, (x, y)))].max(initial=0.0))
 
 
 def _inside(camera: Camera, flat: np.ndarray) -> np.ndarray:
-    """Which points (n, 2) of the plane at depth 1 a fisheye shows in its picture."""
+    """Mask of the points (n, 2) on the plane at depth 1 that a fisheye shows."""
     shown = fisheye_points(torch.from_numpy(flat), camera.distortion).numpy()
     at = shown * (camera.fx, camera.fy) + (camera.cx, camera.cy)
     inside: np.ndarray = (at >= 0) & (at <= (camera.width, camera.height))  # NaN is not
@@ -169,7 +169,7 @@ def _straightened(points: np.ndarray, camera: Camera, distortion: tuple[float, .
         seen = cv2.projectPoints(np.c_[flat, np.ones(len(flat))], still, still, matrix, coefficients)[0][:, 0]
         missed = seen - points
         flat = flat - missed / focal
-    if not np.abs(missed).max() < _ASTRAY:  # nor is NaN
+    if not np.abs(missed).max() < _ROUND_TRIP:  # nor is NaN
         raise CaptureError(f"the lens distortion {distortion} cannot be undone up to the picture's border")
     return flat
 

@@ -2,16 +2,15 @@
 
 Up: people hold cameras level, so the cameras' x axes are all but perpendicular to it. The direction u that makes the
 mean of (u . x)^2 least is the smallest eigenvector of the mean of x x'; its sign is that of the mean camera top.
-Where the cameras all look the same way the x axes span no plane, and the mean top is up.
+Where the cameras all face one direction the x axes span no plane, and the mean top is up.
 
-Box of cameras: what the cameras look at and where they are. The focus is the point nearest to all optical axes,
+Box of cameras: it holds the cameras and their focus. The focus is the point nearest to all optical axes,
 argmin_p sum |(I - f f')(p - c)|^2 with centres c and directions f.
 
-Guessed box, where none is given: depth maps tell it best; then silhouettes, where the photographs are cut out; then
-the focus, where the cameras have one. Cameras that pan about a room have none: there, triangulated points tell where
-the room is.
+Guessed box, where none is given: from depth maps first; then from silhouettes, where the photographs are cut out; then
+from the focus, where the cameras have one. Cameras that pan about a room have none: there, triangulated points give
+the extent of the room.
 """
-
 
 from dataclasses import dataclass
 
@@ -30,21 +29,21 @@ _PLANAR = 0.02
 _SNAP = np.cos(np.deg2rad(2.0))
 """An up so near to an axis of the capture is that axis: the capture is level already."""
 _LEVEL = 0.35
-"""How far the mean camera top must point up: cameras that agree less were turned or looked straight down."""
+"""Least upward component of the mean camera top: cameras that agree less were turned or faced straight down."""
 _LYING = 0.1
-"""How little it may point up where cameras look straight down or up: down is then taken for likely."""
+"""Least upward component with cameras that face straight up or down: below it, down is assumed."""
 _INWARDS = 0.3
-"""Distance of the focus, relative to the spread of the cameras, from which they look at something and not around."""
+"""Focus distance, relative to the mean distance of the cameras from their centre, above which they face inwards."""
 _SUBJECT = 0.35
-"""Radius of what is looked at, relative to its distance: about what fills a picture."""
+"""Radius of the subject, relative to its distance: about the size that fills a picture."""
 _FAR = 1000.0
-"""Distance of the cameras from the origin, relative to their spread, that single precision cannot hold."""
+"""Distance of the cameras from the origin, relative to their extent, that single precision cannot hold."""
 _ASTRAY = 0.005
 """Share of what is seen that may lie outside of the box on each side: depth maps have wild points."""
 _AROUND = 0.02
 """Space around what is seen, in longest edges of that."""
 _NODES = 40
-"""Nodes along the longest edge of the box in which silhouettes are looked for."""
+"""Nodes along the longest edge of the box in which silhouettes are intersected."""
 _HULL_MARGIN = 1.5
 """Distance between silhouettes and the box, in those nodes."""
 
@@ -52,20 +51,20 @@ _HULL_MARGIN = 1.5
 _STRAY = 0.02
 """Share of the photographs that may show a point as clear although it is not: edges are jagged."""
 _WATCHED = 0.5
-"""Photographs that see a point, relative to the best seen one: before a camera's own lens hardly any other looks."""
+"""Least number of photographs that see a point, relative to the best seen point: excludes the space next to a lens."""
 
 
 @dataclass(frozen=True)
 class Focus:
-    """What cameras look at."""
+    """Focus of cameras: the point that they face."""
 
     point: np.ndarray
     """The point nearest to all optical axes (3)."""
     depth: float
-    """Median distance at which the axes pass it; below 0 where the cameras look away from it, outwards."""
+    """Median distance along the optical axes; below 0 where the cameras face outwards."""
 
 
-def estimated_up(poses: np.ndarray) -> tuple[np.ndarray, bool]:
+def estimate_up(poses: np.ndarray) -> tuple[np.ndarray, bool]:
     """The direction (3) that is up by how cameras with poses (n, 4, 4) were held, and whether they agree on it."""
     rights, top, backward = poses[:, :3, 0], poses[:, :3, 1].mean(0), poses[:, :3, 2].mean(0)
     sizes, directions = np.linalg.eigh(rights.T @ rights / len(rights))
@@ -82,12 +81,12 @@ def far_origin(poses: np.ndarray) -> np.ndarray:
     """Whole metres (3) to take off positions that lie too far from the origin, as those of maps do; else zero."""
     centers = poses[:, :3, 3]
     middle = centers.mean(0)
-    spread = np.linalg.norm(centers - middle, axis=1).mean()
-    return np.round(middle) if np.linalg.norm(middle) > _FAR * spread else np.zeros(3)
+    extent = np.linalg.norm(centers - middle, axis=1).mean()
+    return np.round(middle) if np.linalg.norm(middle) > _FAR * extent else np.zeros(3)
 
 
 def focus_of(poses: np.ndarray) -> Focus:
-    """What cameras with poses (n, 4, 4) look at."""
+    """Compute the focus of cameras with poses (n, 4, 4)."""
     centers, forward = poses[:, :3, 3], -poses[:, :3, 2]
     across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
     # a little of every centre keeps parallel axes from leading to infinity
@@ -97,12 +96,12 @@ def focus_of(poses: np.ndarray) -> Focus:
 
 
 def box_of_cameras(poses: np.ndarray) -> Box:
-    """A box around cameras with poses (n, 4, 4) in the world and what they look at."""
+    """Box around cameras with poses (n, 4, 4) in the world and their focus."""
     centers, focus = poses[:, :3, 3], focus_of(poses)
-    spread = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
-    inwards = focus.depth > _INWARDS * spread
-    # outwards nothing tells how far the walls are: further than the cameras went
-    reach = _SUBJECT * focus.depth if inwards else spread
+    extent = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
+    inwards = focus.depth > _INWARDS * extent
+    # outwards the distance of the walls is unknown: further than the cameras went
+    reach = _SUBJECT * focus.depth if inwards else extent
     ahead = centers + -poses[:, :3, 2] * (focus.depth if inwards else reach)
     around = [focus.point - reach, focus.point + reach] if inwards else []
     points = np.concatenate([centers, ahead, np.reshape(around, (-1, 3))])
@@ -141,12 +140,12 @@ def _box(lower: np.ndarray, upper: np.ndarray) -> Box:
 
 
 _ENOUGH = 50
-"""Points below which photographs have too little in common to say where anything is."""
+"""Fewest points that give an extent."""
 _MOST = 0.5
 """Share of the points that the box of the cameras must hold, or it is not what they show."""
 
 
-def guessed_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> tuple[Box, str]:
+def guess_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> tuple[Box, str]:
     """The box [m], and in words what it is around; `poses` are T_world_camera."""
     if photographs.depth is not None:
         shown = depths.points_of(photographs.depth, photographs.depth_camera, poses)
@@ -167,7 +166,7 @@ def guessed_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> 
 
 @dataclass(frozen=True, eq=False)
 class CameraWorld:
-    """Where the cameras are, in metres and up."""
+    """Camera poses in metres, z up."""
 
     poses: np.ndarray  # T_world_camera (n, 4, 4)
     up: np.ndarray  # in the capture's axes (3)
@@ -177,26 +176,27 @@ class CameraWorld:
 
     @property
     def placed(self) -> Similarity:
-        """What takes the capture's own coordinates here."""
+        """Similarity from the capture's coordinates to the world."""
         rotation = torch.from_numpy(rotation_to_z(self.up))
         return Similarity(rotation, -torch.from_numpy(self.origin).double(), self.scale)
 
 
 def place_cameras(views: list[View], placement: Placement) -> CameraWorld:
+    """Place cameras in the world: turn up to z, scale to metres, and move far coordinates to the origin."""
     guesses: list[str] = []
     if placement.up is not None:
         up = np.array(placement.up) / np.linalg.norm(placement.up)
     else:
-        up, sure = estimated_up(np.stack([view.pose for view in views]))
+        up, sure = estimate_up(np.stack([view.pose for view in views]))
         doubt = "" if sure else ", but they do not agree: have a look"
-        told = " ".join(f"{number:.3g}" for number in up)
-        guesses.append(f"up: {told} in the capture's axes, from how the cameras were held{doubt}")
+        direction = " ".join(f"{number:.3g}" for number in up)
+        guesses.append(f"up: {direction} in the capture's axes, from how the cameras were held{doubt}")
     scale = placement.meters_per_unit
     if scale is None:
         guesses.append("scale: one unit of the capture is 1 m")
     similarity = np.eye(4)
     similarity[:3, :3] = (scale or 1.0) * rotation_to_z(up)
-    poses = np.stack([view.moved(similarity).pose for view in views])
+    poses = np.stack([view.transformed(similarity).pose for view in views])
     origin = far_origin(poses)
     poses[:, :3, 3] -= origin
     if origin.any():

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nerfnav.importers.captures.colmap import tracks_beside
+from nerfnav.importers.captures.colmap import read_tracks_beside
 from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, read_json, rigid_pose
 
 SPLITS = ("train", "val", "test")
@@ -22,24 +22,24 @@ _DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
 def is_transforms(folder: Path) -> bool:
-    """Whether a folder has a transforms.json."""
+    """True for a folder with a transforms.json."""
     return (folder / "transforms.json").is_file()
 
 
 def is_blender(folder: Path) -> bool:
-    """Whether a folder has a file for any of Blender's splits."""
+    """True for a folder with a file for any of Blender's splits."""
     return any((folder / f"transforms_{split}.json").is_file() for split in SPLITS)
 
 
 def read_transforms(path: Path) -> Views:
-    """What a transforms.json, or that of a folder, says. Raises CaptureError where it says nothing that can be used."""
+    """Read a transforms.json, or that of a folder. Raises CaptureError where it is unusable."""
     path = path / "transforms.json" if path.is_dir() else path
     views = _views(path)
-    return Views("transforms.json", views, tracks_beside(path.parent, views))
+    return Views("transforms.json", views, read_tracks_beside(path.parent, views))
 
 
 def read_blender(folder: Path) -> Views:
-    """What transforms_{train,val,test}.json say; beside a training split the others are kept for judging."""
+    """Read transforms_{train,val,test}.json; beside a training split the others are held out."""
     found = [split for split in SPLITS if (folder / f"transforms_{split}.json").is_file()]
     views: list[View] = []
     for split in found:
@@ -47,8 +47,8 @@ def read_blender(folder: Path) -> Views:
     return Views("Blender", tuple(views))
 
 
-def head_and_frames(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """What a transforms.json says, and its frames. Raises CaptureError where it has none."""
+def read_frames(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Parse a transforms.json into its head and frames. Raises CaptureError where it has none."""
     head = read_json(path)
     frames = head.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
@@ -57,7 +57,7 @@ def head_and_frames(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 def _views(path: Path, test: bool = False) -> tuple[View, ...]:
-    head, frames = head_and_frames(path)
+    head, frames = read_frames(path)
     undo = _undone(head.get("applied_transform"), path)
     views = []
     for index, frame in enumerate(frames):
@@ -68,12 +68,12 @@ def _views(path: Path, test: bool = False) -> tuple[View, ...]:
         entries, where = {**head, **frame}, f"{name} in {path}"
         depth = _depth(entries, path.parent, where)
         view = View(name, image_path(path.parent, name), _lens(entries, where), pose, test, depth)
-        views.append(view if undo is None else view.moved(undo))
+        views.append(view if undo is None else view.transformed(undo))
     return tuple(views)
 
 
 def image_path(folder: Path, name: str) -> Path:
-    """Where a photograph lies that is named with or without its ending; as named where it does not exist."""
+    """Path of a photograph that is named with or without its ending; as named where it does not exist."""
     named = folder / name
     found = (f"{named}{suffix}" for suffix in _SUFFIXES if os.path.isfile(f"{named}{suffix}"))
     return Path(next(found, named))
@@ -113,7 +113,7 @@ def _lens(entries: dict[str, Any], where: str) -> Lens:
         raise CaptureError(f"{where} has no intrinsics: fl_x with w and h, or camera_angle_x is needed")
     if not 0 < angle < math.pi:
         raise CaptureError(f"{where} has a camera_angle_x of {angle:g}: it must lie between 0 and pi")
-    return Lens((0.5 / math.tan(angle / 2), None), distortion=distortion if any(distortion) else ())
+    return Lens(0.5 / math.tan(angle / 2), None, distortion=distortion if any(distortion) else ())
 
 
 def _number(entries: dict[str, Any], key: str, where: str) -> float | None:
@@ -126,7 +126,7 @@ def _number(entries: dict[str, Any], key: str, where: str) -> float | None:
 
 
 def _undone(applied: Any, path: Path) -> np.ndarray | None:
-    """What takes the file's poses back to the world that the capture was measured in; None where nothing is undone."""
+    """Inverse of the applied transform, back to the world of the capture; None where there is none."""
     if applied is None:
         return None
     try:

@@ -1,8 +1,8 @@
 """Triangulation: points where rays through the same feature of two posed photographs meet.
 
 Features are SIFT's (Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004), by OpenCV. Two
-that match are one point of the place where their rays pass each other within a pixel or two, at an angle that tells
-how far it is away. Nothing here is optimised: poses are known.
+that match are one point of the place where their rays pass each other within a pixel or two, at an angle that gives
+its distance. Nothing here is optimised: poses are known.
 """
 
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from nerfnav.geometry import PosedImages
 
 @dataclass(frozen=True)
 class TriangulationConfig:
-    """Which photographs are compared, and which matches are believed."""
+    """Choice of photograph pairs and thresholds for matches."""
 
     features: int = 600
-    """Features looked for in a photograph."""
+    """Features per photograph."""
     pictures: int = 120
-    """Photographs that are looked at, evenly spread over all."""
+    """Photographs that are matched, evenly distributed over all."""
     partners: int = 5
     """Others that each of them is compared with."""
     apart_deg: float = 40.0
@@ -80,7 +80,7 @@ def _features(photographs: PosedImages, index: int, count: int) -> _Seen:
 def _pairs(
     centers: Float[np.ndarray, "n 3"], forward: Float[np.ndarray, "n 3"], config: TriangulationConfig
 ) -> Int[np.ndarray, "p 2"]:
-    """Photographs that look the same way from different places: near and far ones, for near and far things."""
+    """Pairs of photographs with similar directions and different positions, near and far."""
     alike = forward @ forward.T > np.cos(np.deg2rad(config.apart_deg))
     away = np.linalg.norm(centers[:, None] - centers, axis=-1)
     pairs = []
@@ -93,7 +93,7 @@ def _pairs(
 
 
 def _met(first: _Seen, second: _Seen, pixel: float, config: TriangulationConfig) -> Float[np.ndarray, "m 3"]:
-    """Where the rays of features that match meet."""
+    """Triangulate the matched features of two photographs."""
     i, j = _matches(first.descriptors, second.descriptors, config.ratio)
     a, b, apart = first.directions[i], second.directions[j], second.origin - first.origin
     cosine = (a * b).sum(-1)
@@ -127,7 +127,7 @@ def _matches(
 
 
 def _in_company(points: Float[np.ndarray, "m 3"], config: TriangulationConfig) -> np.ndarray:
-    """Which points (m, bool) have others around them, as surfaces have and false matches have not."""
+    """Mask of points (m, bool) with enough neighbours, as surfaces have and false matches have not."""
     if len(points) <= config.neighbours:
         return np.zeros(len(points), bool)
     away = KDTree(points).query(points, config.neighbours + 1)[0][:, -1]

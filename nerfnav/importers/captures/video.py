@@ -8,7 +8,7 @@ import importlib
 import importlib.util
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,18 +17,19 @@ import cv2
 import numpy as np
 
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.core.magic import head_of, magic_of
+from nerfnav.importers.core.kinds import identify_data, read_head
+from nerfnav.importers.core.progress import ImportStep
 
 _JUDGED_PIXELS = 250_000
 _LONGEST = 1920
 _LEAST_SHARE = 0.3
 """Share of the frames that must be given a pose: fewer are a part of the place."""
-_FAILED = 200  # letters of what a program complained about that are told
+_MESSAGE = 200  # characters of a program's message in errors
 
 
 @dataclass(frozen=True)
 class VideoConfig:
-    """How a video becomes a capture."""
+    """Options of the conversion of a video to a capture."""
 
     frames: int = 150
     """Frames that are taken, at most."""
@@ -36,17 +37,9 @@ class VideoConfig:
     """Frames that a video must have."""
 
 
-@dataclass(frozen=True)
-class VideoStep:
-    """Where it stands."""
-
-    doing: str
-    """What is being done, for people."""
-    fraction: float
-    """Share that is done, 0 to 1."""
-
-
-def make_capture_of_video(video: Path, folder: Path, config: VideoConfig | None = None) -> Iterator[VideoStep]:
+def make_capture_of_video(
+    video: Path, folder: Path, config: VideoConfig | None = None
+) -> Generator[ImportStep, None, None]:
     """Write frames into `folder`/images and COLMAP's model into `folder`/sparse, which make it a capture.
 
     Raises CaptureError, in one sentence, where the video cannot be read or no poses can be found.
@@ -54,11 +47,11 @@ def make_capture_of_video(video: Path, folder: Path, config: VideoConfig | None 
     config = config or VideoConfig()
     poser = _poser()  # before long work
     for fraction in pick_frames(video, folder / "images", config):
-        yield VideoStep("picking the sharpest frames", 0.3 * fraction)
-    yield VideoStep("finding the camera's poses (COLMAP)", 0.3)
+        yield ImportStep("picking the sharpest frames", 0.3 * fraction)
+    yield ImportStep("finding the camera's poses (COLMAP)", 0.3)
     poser(folder)
     _keep_largest(video, folder)
-    yield VideoStep("finding the camera's poses (COLMAP)", 1.0)
+    yield ImportStep("finding the camera's poses (COLMAP)", 1.0)
 
 
 def pick_frames(video: Path, folder: Path, config: VideoConfig | None = None) -> Iterator[float]:
@@ -71,7 +64,7 @@ def pick_frames(video: Path, folder: Path, config: VideoConfig | None = None) ->
     try:
         count = int(reader.get(cv2.CAP_PROP_FRAME_COUNT)) if reader.isOpened() else 0
         if count <= 0:
-            named = magic_of(head_of(video)) or "of another kind"
+            named = identify_data(read_head(video)) or "of another kind"
             raise CaptureError(f"{video} cannot be read as a video: it is {named}, cut off, or of an unknown codec")
         spans = min(config.frames, count)
         folder.mkdir(parents=True, exist_ok=True)
@@ -111,7 +104,7 @@ def _write(path: Path, frame: np.ndarray) -> None:
 
 
 def _poser() -> Callable[[Path], None]:
-    """What finds poses on this machine. Raises CaptureError where nothing does."""
+    """Function that estimates the poses on this machine. Raises CaptureError where COLMAP is not installed."""
     if shutil.which("colmap"):
         return _by_binary
     if importlib.util.find_spec("pycolmap"):
@@ -134,7 +127,7 @@ def _by_binary(folder: Path) -> None:
     ):  # fmt: skip
         done = subprocess.run(["colmap", *command], capture_output=True, text=True, errors="replace", check=False)
         if done.returncode:
-            last = (done.stderr or done.stdout).strip()[-_FAILED:].replace("\n", " ")
+            last = (done.stderr or done.stdout).strip()[-_MESSAGE:].replace("\n", " ")
             raise CaptureError(f"`colmap {command[0]}` failed: {last or f'exit code {done.returncode}'}")
 
 
@@ -148,7 +141,7 @@ def _by_pycolmap(folder: Path) -> None:
         pycolmap.match_sequential(database)
         pycolmap.incremental_mapping(database, images, sparse)
     except (RuntimeError, ValueError, TypeError, OSError) as error:
-        raise CaptureError(f"pycolmap failed: {str(error)[:_FAILED]}") from error
+        raise CaptureError(f"pycolmap failed: {str(error)[:_MESSAGE]}") from error
 
 
 def _keep_largest(video: Path, folder: Path) -> None:
@@ -168,5 +161,5 @@ def _keep_largest(video: Path, folder: Path) -> None:
 
 
 def _images_in(file: Path) -> int:
-    """How many images a binary model gives poses for."""
+    """Count the posed images of a binary model."""
     return int.from_bytes(file.read_bytes()[:8], "little")

@@ -1,12 +1,7 @@
-"""Views of a capture: pose, lens and depth map of each photograph, as its files tell them.
+"""Views of a capture: pose, lens and depth map of each photograph, as its files give them.
 
-Also what the readers share: JSON objects, and depth maps of phones with a LiDAR.
-
-ARKit tells for each depth whether its confidence is low, medium or high; apps write 0, 1, 2 or 0, 127, 255. Low is
-"quite unreliable" (Polycam), and a depth that is too large says that there is air where a wall is: it is left out,
-and so is what lies beyond the sensor's reach, where depth is a guess.
+All readers of captures share these records, and the checks of poses and JSON objects.
 """
-
 
 import json
 import math
@@ -21,11 +16,11 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 
 _SKEWED = 1e-2
-"""How far from a rotation a matrix may be and still be one that was only rounded."""
+"""Largest deviation from a rotation of a matrix that was only rounded."""
 LARGEST = 1e12
 """Numbers in poses and lenses are smaller."""
 _ASPECT = 0.02
-"""How far the shape of a stored picture may be from the one that its lens was measured with."""
+"""Largest relative difference of the aspect ratios of a picture and its calibration."""
 
 
 class CaptureError(InvalidInputError):
@@ -36,8 +31,10 @@ class CaptureError(InvalidInputError):
 class Lens:
     """Intrinsics as shares of the picture's width and height, so that pictures that were stored smaller fit too."""
 
-    focal: tuple[float, float | None]
-    """Focal lengths along u and v; None along v: the pixels are square."""
+    focal_u: float
+    """Focal length along u."""
+    focal_v: float | None
+    """Focal length along v; None: the pixels are square."""
     center: tuple[float, float] = (0.5, 0.5)
     """Principal point along u and v."""
     distortion: tuple[float, ...] = ()
@@ -45,7 +42,7 @@ class Lens:
     aspect: float | None = None
     """Width over height of the pictures that it was measured with, where that is known."""
     fisheye: bool = False
-    """Whether it is a fisheye, see geometry/lens.py."""
+    """Fisheye model, see geometry/lens.py."""
 
     @classmethod
     def measured(
@@ -58,9 +55,9 @@ class Lens:
             raise CaptureError(f"a lens needs finite numbers and a size of at least one pixel, not {numbers}")
         if min(focal) <= 0:
             raise CaptureError(f"a focal length must be above 0, not {min(focal):g}")
-        known = (distortion + 8 * (0.0,))[:8] if any(distortion) else ()
-        shares = (focal[0] / width, focal[1] / height), (center[0] / width, center[1] / height)
-        return cls(*shares, known, width / height)
+        coefficients = (distortion + 8 * (0.0,))[:8] if any(distortion) else ()
+        shares = center[0] / width, center[1] / height
+        return cls(focal[0] / width, focal[1] / height, shares, coefficients, width / height)
 
     def as_fisheye(self) -> "Lens":
         """The same numbers as those of a fisheye, k1 to k4."""
@@ -76,10 +73,10 @@ class Lens:
                 f"a picture of {width} x {height} pixels has another shape than its lens was measured with "
                 f"(width over height {self.aspect:.3g}): was it cropped or turned?"
             )
-        fx = self.focal[0] * width
-        fy = fx if self.focal[1] is None else self.focal[1] * height
-        known = self.distortion if self.fisheye else ()
-        return Camera(width, height, fx, fy, self.center[0] * width, self.center[1] * height, known, self.fisheye)
+        fx = self.focal_u * width
+        fy = fx if self.focal_v is None else self.focal_v * height
+        cx, cy = self.center[0] * width, self.center[1] * height
+        return Camera(width, height, fx, fy, cx, cy, self.distortion if self.fisheye else (), self.fisheye)
 
 
 @dataclass(frozen=True)
@@ -87,15 +84,15 @@ class DepthFile:
     """The depth map of one photograph, not read yet: distances along the optical axis, 0 where nothing was measured."""
 
     path: Path
-    """Where it lies."""
+    """File of the map."""
     unit: float = 0.001
-    """What a stored depth of 1 is, in the capture's units."""
+    """Length of a stored 1, in the capture's units."""
     confidence: Path | None = None
     """A map of as many pixels that is 0 where the depth is unsure and to be left out; None: all are to be trusted."""
     farthest: float = math.inf
     """Depth beyond which the sensor only guesses, in the capture's units."""
     size: tuple[int, int] | None = None
-    """Width and height [pixels], for files that do not tell them."""
+    """Width and height [pixels], for files without a header."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -108,24 +105,24 @@ class View:
     """One photograph, not read yet."""
 
     name: str
-    """What the capture calls it."""
+    """Name in the capture."""
     path: Path
-    """Where it lies, if it exists."""
+    """Expected file, which may be missing."""
     lens: Lens
-    """What it was taken through."""
+    """Intrinsics of the photograph."""
     pose: np.ndarray
     """T_world_camera (4, 4), OpenGL axes, in the capture's own world and units."""
     test: bool = False
-    """Whether the capture keeps it for judging."""
+    """Member of the capture's test split."""
     depth: DepthFile | None = None
     """Its depth map; None where it has none."""
 
     @property
     def exists(self) -> bool:
-        """Whether there is such a file, whatever its name is made of."""
+        """True where the file exists; false for names that the file system refuses."""
         return os.path.isfile(self.path)
 
-    def moved(self, similarity: np.ndarray) -> "View":
+    def transformed(self, similarity: np.ndarray) -> "View":
         """The same view in a world that a 4 x 4 similarity maps this one into; the pose stays rigid."""
         pose = similarity @ self.pose
         pose[:3, :3] /= np.cbrt(np.linalg.det(similarity[:3, :3]))
@@ -137,32 +134,32 @@ class Tracks:
     """Points that structure from motion found, and which photographs show each of them."""
 
     points: np.ndarray
-    """Where they are (m, 3), in the capture's own world and units."""
+    """Positions (m, 3), in the capture's own world and units."""
     names: tuple[str, ...]
     """Of each sighting (k), what the capture calls the photograph."""
     numbers: np.ndarray
     """Of each sighting (k), which of the points it shows."""
 
-    def moved(self, similarity: np.ndarray) -> "Tracks":
+    def transformed(self, similarity: np.ndarray) -> "Tracks":
         """The same points in a world that a 4 x 4 similarity maps this one into."""
         return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])
 
 
 @dataclass(frozen=True)
 class Views:
-    """A capture as its files tell it."""
+    """Views of a capture with their tracks."""
 
     kind: str
-    """Which kind of files: "transforms.json", "Blender", "COLMAP"."""
+    """Kind of capture: "transforms.json", "Blender", "COLMAP"."""
     views: tuple[View, ...]
     """Every photograph that is named, whether it exists or not."""
     tracks: Tracks | None = None
     """Points that were found in them; None where the capture brings none."""
 
-    def moved(self, similarity: np.ndarray) -> "Views":
+    def transformed(self, similarity: np.ndarray) -> "Views":
         """The same in a world that a 4 x 4 similarity maps this one into."""
-        tracks = None if self.tracks is None else self.tracks.moved(similarity)
-        return replace(self, views=tuple(view.moved(similarity) for view in self.views), tracks=tracks)
+        tracks = None if self.tracks is None else self.tracks.transformed(similarity)
+        return replace(self, views=tuple(view.transformed(similarity) for view in self.views), tracks=tracks)
 
 
 def rigid_pose(matrix: Any, name: str) -> np.ndarray:
@@ -200,14 +197,3 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(head, dict):
         raise CaptureError(f"{path} is JSON, but not the description of a capture")
     return head
-
-
-_REACH = 5.0
-"""Of the LiDAR [m]."""
-
-
-def lidar_depth(path: Path, confidence: Path | None, unit: float = 0.001) -> DepthFile | None:
-    """The depth map at `path` in a unit of `unit` [m], with its confidence where there is such a file; None without."""
-    if not path.is_file():
-        return None
-    return DepthFile(path, unit, confidence if confidence is not None and confidence.is_file() else None, _REACH)

@@ -3,16 +3,23 @@
 The message for a wrong kind names the kind and the command that takes it.
 """
 
-
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
-from nerfnav.importers.core.kinds import FIELD, MESHES, PICTURES, SPLATS, SourceKind, field_name
-from nerfnav.importers.core.magic import head_of, magic_of
+from nerfnav.importers.core.kinds import (
+    FIELD,
+    MESHES,
+    PICTURES,
+    SPLATS,
+    SourceKind,
+    field_name,
+    identify_data,
+    read_head,
+)
 
 
 class WrongKindError(InvalidInputError):
-    """A source of another kind than a command takes; the message says which it is and what takes it."""
+    """Wrong kind of source: the message names its kind and the command that takes it."""
 
 
 def wrong_kind_error(what: str | Path, kind: SourceKind, wanted: str) -> WrongKindError:
@@ -21,7 +28,7 @@ def wrong_kind_error(what: str | Path, kind: SourceKind, wanted: str) -> WrongKi
     if kind is SourceKind.MISSING:
         return WrongKindError(f"there is no file or folder {what}")
     if kind is SourceKind.UNKNOWN:
-        named = magic_of(head_of(path)) if path.is_file() else _folder_in_words(path)
+        named = identify_data(read_head(path)) if path.is_file() else _folder_in_words(path)
         return WrongKindError(
             f"{what} is not {wanted}: it is {named or kind.value}; fields ({FIELD}), meshes ({', '.join(MESHES)}), "
             f"splats ({', '.join(SPLATS)}), captures (a folder, transforms.json or .zip), videos and checkpoints can "
@@ -54,7 +61,7 @@ class MeshFileError(NerfnavError):
     """A file that is no mesh that can be worked with."""
 
 
-def first_sentence(error: BaseException) -> str:
-    """What a reader said, short enough for one line; its kind where it said nothing."""
+def first_line(error: BaseException) -> str:
+    """First line of a reader's message, shortened; the exception's type where it is empty."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0][:_LONGEST]

@@ -1,8 +1,7 @@
-"""Source kinds: the endings of readable files, the kinds of sources, and the names of fields made of them.
+"""Source kinds: endings and magic numbers of files, kinds of sources, and the names of their fields.
 
 Light on purpose: naming an ending or a kind imports none of the readers.
 """
-
 
 from enum import Enum
 from pathlib import Path
@@ -13,7 +12,7 @@ MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae")
 SPLATS = (".ply", ".splat", ".spz", ".sog", ".ksplat")
 """Gaussian splats; a .ply may be a mesh instead."""
 OWN_SPLATS = ".splats.npz"
-"""nerfnav's own files of splats, which lie beside the field that was made of them."""
+"""nerfnav's own files of splats, stored beside their field."""
 CHECKPOINTS = (".ckpt", ".tar", ".pth", ".pt")
 """Trained NeRFs."""
 ARCHIVES = (".zip", ".r3d")
@@ -25,7 +24,7 @@ UPLOADS = tuple(dict.fromkeys((FIELD, *MESHES, *SPLATS, *ARCHIVES, *VIDEOS, *CHE
 
 
 class SourceKind(Enum):
-    """What a source is, as the words of a sentence."""
+    """Kind of a source, as the words of a sentence."""
 
     SCENE = "a bundled scene"
     FIELD = "a field"
@@ -60,8 +59,67 @@ def folder_of_source(source: Path) -> Path | None:
 
 
 def field_name(what: str | Path) -> str:
-    """What a field that is made of a source is called."""
+    """File name of the field of a source."""
     path = Path(what)
     folder = folder_of_source(path)
     stem = path.name.split(".")[0] if folder is None else folder.resolve().name
     return f"{stem or 'place'}{FIELD}"
+
+
+HEAD_BYTES = 512
+"""Bytes that are examined."""
+_MAGIC: tuple[tuple[int, bytes, str], ...] = (
+    (0, b"version https://git-lfs", "a pointer of Git LFS in place of the file itself (fetch it with `git lfs pull`)"),
+    (0, b"ply", "a PLY file"),
+    (0, b"glTF", "a binary glTF mesh (.glb)"),
+    (0, b"NGSP", "Gaussian splats as SPZ (.spz)"),
+    (0, b"\x1f\x8b", "gzip data, as .spz files of splats are"),
+    (0, b"PK\x03\x04", "a zip archive"),
+    (0, b"PK\x05\x06", "an empty zip archive"),
+    (0, b"Rar!", "a RAR archive (pack it as .zip)"),
+    (0, b"7z\xbc\xaf\x27\x1c", "a 7z archive (pack it as .zip)"),
+    (0, b"\x89PNG", "a PNG picture"),
+    (0, b"\xff\xd8\xff", "a JPEG picture"),
+    (8, b"WEBP", "a WebP picture"),
+    (0, b"\xabKTX 20", "a KTX2 texture"),
+    (4, b"ftyp", "a video or picture (ISO media)"),
+    (0, b"\x1aE\xdf\xa3", "a video (Matroska)"),
+    (8, b"AVI ", "a video (AVI)"),
+    (0, b"\x93NUMPY", "a NumPy array"),
+    (0, b"%PDF", "a PDF document"),
+    (0, b"Kaydara FBX", "an FBX model (export it as .glb)"),
+    (0, b"BLENDER", "a Blender file (export it as .glb)"),
+    (0, b"PXR-USDC", "a USD model (export it as .glb)"),
+    (0, b"\x80\x02", "a Python pickle"),
+)
+_TEXT: tuple[tuple[bytes, str], ...] = (
+    (b"<!doctype html", "a web page (the address led to a page, not to the file)"),
+    (b"<html", "a web page (the address led to a page, not to the file)"),
+    (b"<?xml", "XML"),
+    (b"{", "JSON"),
+    (b"solid", "a text STL mesh"),
+)
+
+
+def identify_data(head: bytes) -> str | None:
+    """Name the kind of data that begins with `head`, as words for a sentence; None where it is not recognized."""
+    for offset, magic, name in _MAGIC:
+        if head[offset : offset + len(magic)] == magic:
+            return name
+    text = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    named = next((name for magic, name in _TEXT if text.startswith(magic)), None)
+    if named is None and head and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
+        return "text"
+    return named
+
+
+def read_head(path: Path) -> bytes:
+    """The first bytes of a file. Raises OSError where it cannot be read."""
+    with path.open("rb") as file:
+        return file.read(HEAD_BYTES)
+
+
+def describe_mismatch(path: Path, expected: str, head: bytes | None = None) -> str:
+    """Sentence: the file is not of its ending's kind, and its kind as far as its first bytes identify it."""
+    named = identify_data(read_head(path) if head is None else head)
+    return f"{path} is no {expected}: it is {named or 'of another kind'}"

@@ -16,29 +16,70 @@ Vector = tuple[float, float, float]
 AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 """Directions that have a name."""
 PLAUSIBLE = (0.5, 120.0)
-"""Longest edges that places have which somebody would fly a small robot in [m]."""
+"""Plausible range of the longest edge of a place for small robots [m]."""
 FLATTER = 1.25
 """An up axis is doubted where the place is higher along it than along another by this factor, and more."""
 LOWER = 0.03
 """And where the middle of what is there lies lower along the other axis, by this share of its height."""
 _ABOUT = {"up": ("up is", "up:"), "scale": ("lengths", "scale:", "this place would be"), "box": ("box:",)}
-"""How importers' sentences about guesses begin."""
+"""Beginnings of the sentences about guesses."""
 UNIT_ASSUMED = "lengths: nothing says how long a unit is, so one is taken for 1 m"
-"""The beginning of a sentence about what nobody knows."""
+"""Beginning of the sentence about an unknown unit."""
 _DOWN = 1e-24
 """Squared sine of the angle between straight down and what is taken for it: its heading is lost in rounding."""
 
 
 @dataclass(frozen=True)
+class MeasuredDistance:
+    """Two points and their true distance, which give a scale."""
+
+    first: Vector
+    """First point, in the source's own units."""
+    second: Vector
+    """Second point."""
+    meters: float
+    """True distance [m]."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for equal points and impossible distances."""
+        require_positive("distance", self.meters)
+        if math.dist(self.first, self.second) == 0:
+            raise InvalidInputError("the two points are the same: their distance gives no scale")
+
+    @property
+    def scale(self) -> float:
+        """Metres in one unit of the source."""
+        return self.meters / math.dist(self.first, self.second)
+
+
+def require_positive(name: str, value: float | None) -> None:
+    """Raise InvalidInputError for a number that is given and not above 0, or not finite."""
+    if value is not None and not 0 < value < math.inf:
+        raise InvalidInputError(f"the {name} must be a number above 0, not {value:g}")
+
+
+def require_direction(up: Vector | None) -> None:
+    """Raise InvalidInputError for a vector that is given and has no direction."""
+    if up is not None and not 0 < math.hypot(*up) < math.inf:
+        raise InvalidInputError("up must be a direction of three finite numbers, not all of them 0")
+
+
+def require_box(box: tuple[Vector, Vector] | None) -> None:
+    """Raise InvalidInputError for a box that is given and empty."""
+    if box is not None and not all(low < high for low, high in zip(*box, strict=True)):
+        raise InvalidInputError("a box is its lowest corner and then its highest corner, each number above")
+
+
+@dataclass(frozen=True)
 class Placement:
-    """Where up is, how long a metre is, and which part is wanted; None: a guess."""
+    """Up direction, scale and box of the source; None: guess."""
 
     up: Vector | None = None
     """Direction that is up, in the source's own axes."""
     scale: float | None = None
     """Metres in one unit of the source."""
-    picked: tuple[Vector, Vector, float] | None = None
-    """Two points in the source's own units and how far they are apart in truth [m]: another way to give the scale."""
+    picked: MeasuredDistance | None = None
+    """Two points in the source's own units and their true distance [m]; an alternative to the scale."""
     box: tuple[Vector, Vector] | None = None
     """Lowest and highest corner of the field, after scale and up [m]."""
 
@@ -46,23 +87,14 @@ class Placement:
         """Raise InvalidInputError for what no place can have."""
         if self.scale is not None and self.picked is not None:
             raise InvalidInputError("give either a scale or two picked points with their distance, not both")
-        if self.picked is not None and self.picked[0] == self.picked[1]:
-            raise InvalidInputError("the two picked points are the same: their distance tells no scale")
-        for name, value in (("scale", self.scale), ("distance", self.picked and self.picked[2])):
-            if value is not None and not 0 < value < math.inf:
-                raise InvalidInputError(f"the {name} must be a number above 0, not {value:g}")
-        if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
-            raise InvalidInputError("up must be a direction of three finite numbers, not all of them 0")
-        if self.box is not None and not all(low < high for low, high in zip(*self.box, strict=True)):
-            raise InvalidInputError("a box is its lowest corner X Y Z and then its highest corner X Y Z, each above")
+        require_positive("scale", self.scale)
+        require_direction(self.up)
+        require_box(self.box)
 
     @property
     def meters_per_unit(self) -> float | None:
-        """Metres in one unit of the source, given outright or by two picked points; None where it is to be guessed."""
-        if self.picked is None:
-            return self.scale
-        first, second, distance = self.picked
-        return distance / math.dist(first, second)
+        """Metres in one unit of the source, given directly or by two points; None where it is to be guessed."""
+        return self.scale if self.picked is None else self.picked.scale
 
 
 def rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
@@ -84,12 +116,13 @@ def rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def is_flatter(size: Float[np.ndarray, " 3"], own: int, other: int) -> bool:
-    """Whether a place is so much flatter along another axis than along its own up axis that the latter is doubtful."""
+    """True where a place is so much flatter along another axis than along its own up axis that the latter is
+    doubtful."""
     return bool(size[own] > FLATTER * size[other] and size[other] <= FLATTER * size.min())
 
 
 def format_length(meters: float) -> str:
-    """A length as people say it: in km, m, cm or mm."""
+    """Format a length in km, m, cm or mm."""
     for unit, name in ((1000.0, "km"), (1.0, "m"), (0.01, "cm")):
         if meters >= unit:
             return f"{meters / unit:.3g} {name}"
@@ -97,13 +130,13 @@ def format_length(meters: float) -> str:
 
 
 def drop_answered_guesses(guesses: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:
-    """Sentences about what was guessed without those about what is `known` by now: "up", "scale", "box"."""
-    told = tuple(words for name in known for words in _ABOUT[name])
-    return tuple(guess for guess in guesses if not guess.startswith(told))
+    """Drop the sentences about guesses that are `known` by now: "up", "scale", "box"."""
+    answered = tuple(words for name in known for words in _ABOUT[name])
+    return tuple(guess for guess in guesses if not guess.startswith(answered))
 
 
 def warn_implausible_size(longest: float) -> str | None:
-    """What to say of a place whose longest edge [m] nobody gave and no place has; None where it is plausible."""
+    """Warning about an implausible longest edge [m] without a given scale; None where it is plausible."""
     if PLAUSIBLE[0] <= longest <= PLAUSIBLE[1]:
         return None
     return (

@@ -1,8 +1,8 @@
-"""Pictures in files (JPEG, PNG, ...), read in one way by whatever takes one: training, localising, tracking, live.
+"""Picture files (JPEG, PNG, ...): one reader for training, localization, tracking and live use.
 
 A camera is a sensor: calibrations, and the poses that COLMAP and nerfstudio find, belong to the pixels as they are
-stored, whatever EXIF says of how the camera was held. So where a camera's size is known and the stored pixels have its
-proportions, they are taken as they are stored. Else the picture is turned upright as its EXIF orientation says, as
+stored, whatever the EXIF orientation. So where a camera's size is known and the stored pixels have its
+proportions, they are taken as they are stored. Else the picture is turned upright by its EXIF orientation, as
 viewers show it: where no camera is known, and where only the turned picture has the camera's proportions.
 """
 
@@ -24,12 +24,12 @@ _TURNS = {2: (0, True), 3: (2, False), 4: (2, True), 5: (1, True), 6: (3, False)
 
 @dataclass(frozen=True, eq=False)
 class StoredPicture:
-    """What a file shows."""
+    """Decoded content of a picture file."""
 
     pixels: np.ndarray
     """Colours (height, width, 3) or colours and opacity (height, width, 4), 0 to 255, RGB."""
     colored: bool
-    """Whether the file has colours of 8 bits: grey ones and deeper ones were converted."""
+    """True for 8-bit colours: grey and deeper pictures are converted."""
 
 
 def read_picture(data: bytes, aspect: float | None = None) -> StoredPicture:
@@ -53,7 +53,7 @@ def read_picture(data: bytes, aspect: float | None = None) -> StoredPicture:
 
 
 def fits_as_stored(width: int, height: int, turns: int, aspect: float) -> bool:
-    """Whether stored pixels have a camera's proportions at least as well as the turned picture has."""
+    """True where stored pixels have the camera's proportions at least as well as the turned picture has."""
     if turns % 2 == 0:
         return True
     shape = math.log(width / height)
@@ -61,13 +61,13 @@ def fits_as_stored(width: int, height: int, turns: int, aspect: float) -> bool:
 
 
 def focal_35mm(data: bytes) -> float | None:
-    """Focal length [mm] as on 35 mm film that a picture's EXIF tells; None where it tells none."""
+    """Focal length [mm] as on 35 mm film, from a picture's EXIF; None where it is missing."""
     from PIL import ExifTags, Image
 
     try:
         with Image.open(io.BytesIO(data)) as picture:
-            told = picture.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
-            return float(told) if told else None
+            focal = picture.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
+            return float(focal) if focal else None
     except (OSError, ValueError, SyntaxError, TypeError, Image.DecompressionBombError):
         return None
 
@@ -75,8 +75,8 @@ def focal_35mm(data: bytes) -> float | None:
 def _orientation(image: "Image.Image") -> int:
     from PIL import ExifTags
 
-    told = image.getexif().get(ExifTags.Base.Orientation, 1)
-    return told if isinstance(told, int) else 1
+    orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
+    return orientation if isinstance(orientation, int) else 1
 
 
 def _pixels(image: "Image.Image") -> tuple[np.ndarray, bool]:

@@ -9,22 +9,22 @@ from nerfnav.importers.core.placement import Placement
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """What a mesh file may leave open; None: a guess."""
+    """Options that a mesh file may leave open; None: guess."""
 
     units: Literal["m", "cm", "mm", "in", "ft"] | None = None
     """Unit of a mesh's lengths, in place of a scale."""
     seen_from: Literal["inside", "outside"] | None = None
-    """Whether a mesh is a room, photographed from inside alone, or open ground."""
+    """Room that is photographed from inside, or open ground."""
 
 
 @dataclass(frozen=True)
 class SceneConfig:
-    """How a place is made of a mesh."""
+    """Options of the conversion of a mesh to a place."""
 
     placement: Placement = field(default_factory=Placement)
-    """How the mesh lies in the world. Without a box in it the field holds all of the mesh, and air over open ground."""
+    """Placement of the mesh in the world. Without a box the field holds all of the mesh, and air over open ground."""
     options: MeshOptions = field(default_factory=MeshOptions)
-    """What only meshes have."""
+    """Options of meshes alone."""
     voxel: float | None = None
     """Size of voxels [m]; None: so that the box has `nodes` of them."""
     nodes: float = 6e6
@@ -37,6 +37,6 @@ class SceneConfig:
     """Space below and, in a room, around the mesh [voxels]."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError where lengths are told twice."""
+        """Raise InvalidInputError where lengths are given twice."""
         if self.options.units is not None and self.placement.meters_per_unit is not None:
             raise InvalidInputError("give either units or a scale, not both")

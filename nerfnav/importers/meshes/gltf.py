@@ -24,12 +24,12 @@ _KNOWN = {
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
 }
-"""Extensions without which a file may say that it cannot be understood, and that are understood here."""
+"""Required extensions that are supported."""
 _IGNORED = re.compile(
     r"KHR_materials_\w+|KHR_lights_\w+|EXT_lights_\w+|KHR_xmp\w*|KHR_animation_pointer|KHR_node_visibility"
     r"|MSFT_packing_\w+|EXT_materials_\w+|KHR_audio\w*"
 )
-"""Extensions that say how surfaces shine, what lights there are, and the like: shape and base colour go without."""
+"""Extensions for shading, lights and the like, which shape and base colour do not need."""
 
 
 def glb_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -80,7 +80,7 @@ def check(path: Path, header: dict[str, Any], read: Callable[[dict[str, Any]], b
             raise MeshFileError(f"{path} has a texture, number {index}, that is no picture that can be read") from error
 
 
-def embedded(entry: dict[str, Any]) -> bytes | None:
+def decode_embedded(entry: dict[str, Any]) -> bytes | None:
     """The bytes that an entry of the header holds in itself; None where it names a file."""
     uri = str(entry["uri"])
     if not uri.startswith("data:"):
@@ -95,5 +95,5 @@ def _view(header: dict[str, Any], index: int, read: Callable[[dict[str, Any]], b
 
 
 def is_linear(header: dict[str, Any]) -> bool:
-    """Whether plain colours are linear light, as the standard has it; trimesh writes them as they are, in sRGB."""
+    """True where plain colours are linear light, as in the standard; trimesh writes them unchanged, in sRGB."""
     return "trimesh" not in str(header["asset"].get("generator", ""))

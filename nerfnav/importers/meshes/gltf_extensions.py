@@ -1,11 +1,11 @@
-"""glTF extensions: apply those that change geometry or texture coordinates, so that any reader can go on.
+"""glTF extensions: apply those that change geometry or texture coordinates, so that any reader can load the file.
 
     EXT_meshopt_compression   buffer views are decoded (the package `meshopt`, an extra)
     KHR_texture_transform     u' = R S u + t is applied to the coordinates of the base colour's texture, with
                               R = [[cos r, sin r], [-sin r, cos r]], as they count down the picture
     KHR_texture_basisu        KTX2 textures give way to the ordinary ones that files may have beside them
 
-Textures that are missing are replaced by `NO_TEXTURE`, which stands for grey, and a note is made.
+Textures that are missing are replaced by `NO_TEXTURE`, which stands for grey, and a note is added.
 """
 
 import base64
@@ -21,7 +21,7 @@ import numpy as np
 from PIL import Image
 
 from nerfnav.core import glb
-from nerfnav.importers.core.errors import MeshFileError, first_sentence
+from nerfnav.importers.core.errors import MeshFileError, first_line
 
 NO_TEXTURE = 100
 """sRGB brightness of the picture that stands for none; trimesh gives the same to coordinates without a material."""
@@ -31,7 +31,7 @@ _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 Read = Callable[[dict[str, Any]], bytes]
 
 
-class Plain:
+class PlainGltf:
     """A glTF file in the making: its header, and the bytes of its buffer views where they are not as stored."""
 
     def __init__(self, path: object, header: dict[str, Any], read: Read) -> None:
@@ -51,7 +51,7 @@ class Plain:
             self._transform_coordinates()
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, struct.error) as error:
             raise MeshFileError(
-                f"{self._path} is damaged or cut off: its header does not fit its data ({first_sentence(error)})"
+                f"{self._path} is damaged or cut off: its header does not fit its data ({first_line(error)})"
             ) from error
 
     def packed(self) -> bytes | None:
@@ -112,12 +112,12 @@ class Plain:
     def _decode_meshopt(self) -> None:
         for index, view in enumerate(self.header.get("bufferViews", [])):
             found = [view.get("extensions", {}).get(name) for name in _MESHOPT]
-            told = next((entry for entry in found if entry is not None), None)
-            if told is None:
+            packing = next((entry for entry in found if entry is not None), None)
+            if packing is None:
                 continue
-            stored = self._slice(told["buffer"], told.get("byteOffset", 0), told["byteLength"])
-            count, stride = int(told["count"]), int(told["byteStride"])
-            rows = self._meshopt()(stored, count, stride, told["mode"], told.get("filter", "NONE"))
+            stored = self._slice(packing["buffer"], packing.get("byteOffset", 0), packing["byteLength"])
+            count, stride = int(packing["count"]), int(packing["byteStride"])
+            rows = self._meshopt()(stored, count, stride, packing["mode"], packing.get("filter", "NONE"))
             data = np.ascontiguousarray(rows).tobytes()
             if len(data) != count * stride:
                 raise ValueError(f"buffer view {index} decodes to {len(data)} bytes of {count * stride}")
@@ -140,24 +140,24 @@ class Plain:
         for mesh in self.header.get("meshes", []):
             for primitive in mesh["primitives"]:
                 info = self._base_texture(primitive.get("material"))
-                told = info.get("extensions", {}).get(_TRANSFORM, {})
-                chosen = told.get("texCoord", info.get("texCoord", 0))
+                transform = info.get("extensions", {}).get(_TRANSFORM, {})
+                chosen = transform.get("texCoord", info.get("texCoord", 0))
                 source = primitive["attributes"].get(f"TEXCOORD_{chosen}")
-                if source is None or (not told and chosen == 0):
+                if source is None or (not transform and chosen == 0):
                     continue
                 if _DRACO in primitive.get("extensions", {}):
                     raise MeshFileError(
                         f"{self._path} has transformed textures on Draco-compressed parts: export it without either"
                     )
-                offset, scale = told.get("offset", (0.0, 0.0)), told.get("scale", (1.0, 1.0))
-                how = (*offset, *scale, told.get("rotation", 0.0))
+                offset, scale = transform.get("offset", (0.0, 0.0)), transform.get("scale", (1.0, 1.0))
+                how = (*offset, *scale, transform.get("rotation", 0.0))
                 if (source, how) not in done:
                     done[source, how] = self._add_coordinates(_transformed(self._coordinates(source), *how))
                 primitive["attributes"]["TEXCOORD_0"] = done[source, how]
                 self._changed = True
 
     def _base_texture(self, material: int | None) -> dict[str, Any]:
-        """How a material's base colour is textured; empty where it is not."""
+        """Texture entry of a material's base colour; empty where there is none."""
         if material is None:
             return {}
         entry = self.header["materials"][material]

@@ -3,7 +3,6 @@
 npz without pickle; textures are PNG inside. The field's file names it, relative to itself, and holds its SHA-256.
 """
 
-
 import hashlib
 import json
 import zipfile
@@ -98,16 +97,16 @@ def _picture(data: np.ndarray) -> Image:
 
 @dataclass(frozen=True)
 class TruthLink:
-    """How a field's file tells where its ground truth is."""
+    """Link from a field's file to its ground truth."""
 
     name: str
     """Name of the file, in the same folder."""
     sha256: str
-    """What it must hold, as 64 hexadecimal digits."""
+    """Expected SHA-256, as 64 hexadecimal digits."""
 
 
 def truth_path(field: Path) -> Path:
-    """Where the ground truth of a field file lies: `house.truth.npz` beside `house.npz`."""
+    """Path of the ground truth of a field file: `house.truth.npz` beside `house.npz`."""
     return field.with_name(f"{field.stem}.truth.npz")
 
 

@@ -1,9 +1,8 @@
-"""Mesh importer: read a mesh file and make a scene that can be photographed, flown in and judged by.
+"""Mesh importer: read a mesh file and make a scene to photograph, fly in and judge by.
 
 The scene has a box and a voxel size for its field, light on plain parts, so that their edges are seen, and a report
-of what it was made of and what was guessed.
+of its content and the guesses.
 """
-
 
 import math
 from collections.abc import Generator
@@ -16,16 +15,17 @@ import trimesh
 from jaxtyping import Float, UInt8
 
 from nerfnav.geometry import Box
+from nerfnav.importers.core.progress import ImportStep
 from nerfnav.importers.meshes.config import SceneConfig
 from nerfnav.importers.meshes.files import MeshFile, read_mesh
 from nerfnav.importers.meshes.parts import Parts, join_parts
-from nerfnav.importers.meshes.placement import Placed, place_mesh
+from nerfnav.importers.meshes.placement import PlacedMesh, place_mesh
 from nerfnav.importers.meshes.solids import Pieces, split_solids
 from nerfnav.world import Paint, Scene, Vantage, guess_vantage
 
 
 def box_and_voxel(bounds: Box, vantage: Vantage, config: SceneConfig) -> tuple[Box, float]:
-    """Where the field lives, and the size of its voxels [m]."""
+    """Box of the field, and size of its voxels [m]."""
     if config.placement.box is not None:
         box = Box.of(*config.placement.box)
         return box, config.voxel or _voxel(box, config.nodes)
@@ -49,12 +49,12 @@ def _voxel(box: Box, nodes: float) -> float:
 
 
 _LIGHT = np.array([0.37, 0.53, 0.76])
-"""Where the light on plain parts comes from: along no axis, so that the walls of a room differ."""
+"""Direction of the light on plain parts: along no axis, so that the walls of a room differ."""
 _SHADE = 0.45
-"""How much darker than full light a plain face at right angles to it is."""
+"""Darkening of a plain face at right angles to the light, relative to full light."""
 
 
-def lit(parts: Parts, normals: Float[np.ndarray, "f 3"]) -> Paint:
+def shade_paint(parts: Parts, normals: Float[np.ndarray, "f 3"]) -> Paint:
     """The paint, with light on plain parts. It falls on both sides of a face: files often get wrong which is seen."""
     light = 1 - _SHADE * (1 - np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT))))
     light = np.where(parts.plain, light, 1.0)[:, None, None]
@@ -65,12 +65,12 @@ def lit(parts: Parts, normals: Float[np.ndarray, "f 3"]) -> Paint:
 _SKY = (0.72, 0.83, 0.95)
 
 
-def scene_of(file: MeshFile, placed: Placed, pieces: Pieces, config: SceneConfig) -> Scene:
+def scene_of(file: MeshFile, placed: PlacedMesh, pieces: Pieces, config: SceneConfig) -> Scene:
     parts = placed.parts
     mesh = trimesh.Trimesh(parts.vertices, parts.faces, process=False)
     bounds = Box(*torch.from_numpy(parts.bounds).float())
-    told = config.options.seen_from
-    vantage = guess_vantage(mesh, bounds) if told is None else Vantage(told)
+    given = config.options.seen_from
+    vantage = guess_vantage(mesh, bounds) if given is None else Vantage(given)
     box, voxel = box_and_voxel(bounds, vantage, config)
     return Scene(
         # with its ending, so that it is never taken for a bundled scene
@@ -82,7 +82,7 @@ def scene_of(file: MeshFile, placed: Placed, pieces: Pieces, config: SceneConfig
         _SKY,
         (),
         voxel,
-        lit(parts, np.asarray(mesh.face_normals)),
+        shade_paint(parts, np.asarray(mesh.face_normals)),
         pieces.sheets,
         vantage,
     )
@@ -93,7 +93,7 @@ _COARSE = 0.03
 
 
 def report_of(
-    file: MeshFile, placed: Placed, pieces: Pieces, scene: Scene, config: SceneConfig
+    file: MeshFile, placed: PlacedMesh, pieces: Pieces, scene: Scene, config: SceneConfig
 ) -> dict[str, object]:
     guesses = list(placed.guesses)
     if config.options.seen_from is None:
@@ -122,31 +122,19 @@ def report_of(
 
 
 @dataclass(frozen=True, eq=False)
-class ImportStep:
-    """What is being done, and the scene in the end."""
-
-    doing: str
-    """For the user to read."""
-    fraction: float
-    """0 to 1."""
-    imported: "Imported | None" = None
-    """What became of the file; set on the last step."""
-
-
-@dataclass(frozen=True, eq=False)
-class Imported:
+class ImportedMesh:
     """A mesh as a place."""
 
     scene: Scene
     """The place, without tasks."""
     report: dict[str, object]
-    """What it was made of and what was guessed."""
+    """Content of the file and guesses."""
 
 
-def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[ImportStep, None, None]:
-    """Read a mesh file and make a scene of it; the last step carries it.
+def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[ImportStep, None, ImportedMesh]:
+    """Read a mesh file and return its scene.
 
-    Raises MeshFileError, in one sentence, for files that no scene can be made of.
+    Raises MeshFileError, in one sentence, for unusable files.
     """
     config = config or SceneConfig()
     yield ImportStep("reading the mesh", 0.0)
@@ -157,4 +145,5 @@ def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[Impo
     pieces = split_solids(placed.parts)
     yield ImportStep("looking around", 0.8)
     scene = scene_of(file, placed, pieces, config)
-    yield ImportStep("looking around", 1.0, Imported(scene, report_of(file, placed, pieces, scene, config)))
+    yield ImportStep("looking around", 1.0)
+    return ImportedMesh(scene, report_of(file, placed, pieces, scene, config))

@@ -4,7 +4,6 @@ Textures are decoded once and shared by parts, never copied. Plain colours are s
 colour of the material times those of faces or vertices.
 """
 
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from nerfnav.geometry import to_srgb
-from nerfnav.importers.core.errors import MeshFileError, first_sentence
+from nerfnav.importers.core.errors import MeshFileError, first_line
 from nerfnav.importers.meshes.files import MeshFile
 from nerfnav.importers.meshes.gltf_extensions import NO_TEXTURE
 from nerfnav.world import Paint
@@ -32,13 +31,13 @@ class Palette:
         self.images: list[Pixels] = []
 
     def index_of(self, image: Image) -> int:
-        """Where an image stands among all, each decoded once."""
+        """Index of an image among all, each decoded once."""
         if id(image) not in self._index:
             try:
                 pixels = np.asarray(image.convert("RGB"), np.uint8)
             except Exception as error:  # whatever a picture of unknown origin makes its reader raise
                 raise MeshFileError(
-                    f"{self._file.path} has a texture that cannot be decoded: {first_sentence(error)}"
+                    f"{self._file.path} has a texture that cannot be decoded: {first_line(error)}"
                 ) from error
             self._index[id(image)] = len(self.images)
             self.images.append(pixels)
@@ -68,7 +67,7 @@ def tint_of(mesh: trimesh.Trimesh, faces: Int[np.ndarray, "f 3"], linear: bool) 
 
 
 def _factor(material: object, linear: bool) -> UInt8[np.ndarray, " 3"]:
-    """What a material multiplies its image with; its colour where it has no image."""
+    """Colour factor of a material's image; its colour where it has no image."""
     factor = getattr(material, "baseColorFactor", None)
     if factor is None and getattr(material, "image", None) is None and isinstance(material, SimpleMaterial):
         factor = material.diffuse
@@ -94,7 +93,7 @@ class Parts:
     faces: Int[np.ndarray, "f 3"]
     """Indices into the vertices; parts share none."""
     part: Int[np.ndarray, " f"]
-    """Which part each face belongs to."""
+    """Number of the part of each face."""
     paint: Paint
     """Their colours."""
     plain: Bool[np.ndarray, " f"]
@@ -114,7 +113,7 @@ def join_parts(file: MeshFile) -> Parts:
         transform, name = file.content.graph[node]
         mesh = file.content.geometry[name]
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
-            pieces.append(_piece(mesh, np.asarray(transform, float), palette, file, (number, corners)))
+            pieces.append(_piece(mesh, np.asarray(transform, float), palette, file, number, corners))
             corners += len(mesh.vertices)
     vertices, faces, part, image, uv, tint, plain = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
     area = np.linalg.norm(np.cross(*(np.diff(vertices[faces], axis=1).swapaxes(0, 1))), axis=-1)
@@ -130,9 +129,10 @@ def _piece(
     transform: Float[np.ndarray, "4 4"],
     palette: Palette,
     file: MeshFile,
-    first: tuple[int, int],
+    number: int,
+    first: int,
 ) -> tuple[np.ndarray, ...]:
-    """Vertices, faces, part, image, uv, tint and plainness of one part, whose number and first vertex are `first`."""
+    """Vertices, faces, part, image, uv, tint and plainness of part `number`, whose first vertex is `first`."""
     wrong = int((~np.isfinite(mesh.vertices)).any(1).sum())
     if wrong or not np.isfinite(transform).all():
         raise MeshFileError(f"{file.path} has {wrong} vertices with coordinates that are no finite numbers")
@@ -152,8 +152,8 @@ def _piece(
     plain = image < 0 and bool((tint == tint[0, 0]).all())
     return (
         vertices,
-        faces + first[1],
-        np.full(count, first[0]),
+        faces + first,
+        np.full(count, number),
         np.full(count, image, np.int32),
         np.zeros((count, 3, 2), np.float32) if uv is None else uv[faces],
         tint,

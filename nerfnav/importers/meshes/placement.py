@@ -1,7 +1,7 @@
 """Placement of a mesh: up axis and length of a unit, as given, declared, or guessed.
 
-Units: the declared one, then the usual ones, until the longest edge of the place has a plausible length. Up: what the
-format says, unless the file's other axis is much flatter and its mass lies much lower, as that of places does.
+Units: the declared one, then the usual ones, until the longest edge of the place has a plausible length. Up: that of
+the format, unless the file's other axis is much flatter and its mass lies much lower, as that of places does.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.core.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z
-from nerfnav.importers.meshes.files import Declared
+from nerfnav.importers.meshes.files import Declaration
 from nerfnav.importers.meshes.parts import Parts
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
@@ -24,7 +24,7 @@ _FAR_OFF = 50.0
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedMesh:
     """A mesh in the world, Z-up and in metres, and what was guessed to get it there."""
 
     parts: Parts
@@ -37,7 +37,7 @@ class Placed:
     """Sentences for the user."""
 
 
-def place_mesh(parts: Parts, declared: Declared, placement: Placement, units: str | None, path: Path) -> Placed:
+def place_mesh(parts: Parts, declared: Declaration, placement: Placement, units: str | None, path: Path) -> PlacedMesh:
     """Turn, scale and, where it is far off, move a mesh. Raises MeshFileError for sizes that nothing can be."""
     guesses: list[str] = []
     if placement.up is not None:
@@ -62,10 +62,10 @@ def place_mesh(parts: Parts, declared: Declared, placement: Placement, units: st
         offset = np.array([*(0.5 * (lower + upper))[:2], lower[2]])
         vertices = vertices - offset
         guesses.append(f"moved by {', '.join(f'{-x:.1f}' for x in offset)} m to the origin, from which it was far off")
-    return Placed(replace(parts, vertices=vertices), _direction_name(up), scale, tuple(guesses))
+    return PlacedMesh(replace(parts, vertices=vertices), _direction_name(up), scale, tuple(guesses))
 
 
-def _up_of(parts: Parts, declared: Declared) -> tuple[str, str]:
+def _up_of(parts: Parts, declared: Declaration) -> tuple[str, str]:
     """The axis that is up, and why."""
     own = declared.up
     if declared.up_is_certain:
@@ -80,7 +80,7 @@ def _up_of(parts: Parts, declared: Declared) -> tuple[str, str]:
 
 
 def _middle(parts: Parts, axis: int) -> float:
-    """Where the middle of the surface lies along an axis, between 0 at the lowest and 1 at the highest point."""
+    """Centre of the surface along an axis, between 0 at the lowest and 1 at the highest point."""
     triangles = parts.vertices[parts.faces]
     area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=-1)
     lower, upper = parts.bounds[:, axis]
@@ -88,14 +88,14 @@ def _middle(parts: Parts, axis: int) -> float:
     return float((area * along).sum() / area.sum())
 
 
-def _scale_of(longest: float, declared: Declared) -> tuple[float, str]:
+def _scale_of(longest: float, declared: Declaration) -> tuple[float, str]:
     """Metres in one unit, and why."""
-    said = [] if declared.meters is None else [declared.meters]
-    tried = said + [METERS[name] for name in declared.units]
+    given = [] if declared.meters is None else [declared.meters]
+    tried = given + [METERS[name] for name in declared.units]
     for scale in tried:
         if PLAUSIBLE[0] <= scale * longest <= PLAUSIBLE[1]:
-            why = "the file says so" if said and scale == said[0] else f"guessed: so it is {scale * longest:.3g} m long"
-            return scale, f"({why})"
+            guess = f"guessed: so it is {scale * longest:.3g} m long"
+            return scale, f"({'the file says so' if given and scale == given[0] else guess})"
     possible = [scale for scale in tried if _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]]
     scale = (possible or tried)[0]
     return scale, f"(a doubtful guess: so it is {scale * longest:.3g} m long)"

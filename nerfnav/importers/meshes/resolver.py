@@ -4,7 +4,6 @@ Only files in the mesh's own folder are read or, for a mesh in meshes/ of a Gaze
 beside these, materials/textures/ or textures/), in the model's folder.
 """
 
-
 import io
 import urllib.parse
 from collections.abc import Iterator
@@ -30,7 +29,7 @@ _TEXTURES = ("materials/textures", "textures", "materials/scripts", "meshes")
 _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds"}
 
 
-class Beside(Resolver):
+class FolderResolver(Resolver):
     """Reads what lies beside a mesh, and remembers what it could not: readers of meshes go on without it, unheard."""
 
     def __init__(self, mesh: Path) -> None:
@@ -73,7 +72,7 @@ class Beside(Resolver):
         """Nothing is ever written beside a mesh."""
         raise MeshFileError(f"{self._mesh}: nothing is written beside a mesh")
 
-    def namespaced(self, namespace: str) -> "Beside":
+    def namespaced(self, namespace: str) -> "FolderResolver":
         """The same: folders are part of names."""
         return self
 
@@ -84,7 +83,7 @@ class Beside(Resolver):
             raise self._failure(f"needs the texture {name}, which is no picture that can be read") from error
 
     def _found(self, name: str) -> Path:
-        """Where a file lies: as its name is written, else, by its last part, in the model's folders of textures."""
+        """Path of a file: as its name is written, else, by its last part, in the model's folders of textures."""
         path = (self._folder / name).resolve()
         last = Path(name).name
         others = (self._root / folder / last for folder in _TEXTURES) if self._root != self._folder else ()

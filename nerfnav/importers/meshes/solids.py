@@ -32,7 +32,7 @@ _ASKED = 200
 _MOSTLY_CLOSED = 0.7
 """Mean winding number just below the faces of an open piece that still has an inside; 0.5 for flat ground."""
 _DEPTH = 0.05
-"""How far below the faces it is taken, in longest edges of the piece."""
+"""Depth of the samples below the faces, in longest edges of the piece."""
 _MOST_OPEN_FACES = 20_000
 """Larger open pieces are sheets: winding numbers cost as much as a piece has faces."""
 _FLAT = 1e-6
@@ -41,14 +41,14 @@ _FLAT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What of a mesh is touched."""
+    """Solids and sheets of a mesh."""
 
     solids: tuple[trimesh.Trimesh, ...]
     """Pieces with an inside, faces outwards."""
     sheets: tuple[trimesh.Trimesh, ...]
     """The rest, as one mesh or none."""
     open_solids: int
-    """How many of the solids are not watertight."""
+    """Number of solids that are not watertight."""
 
 
 def split_solids(parts: Parts) -> Pieces:
@@ -148,7 +148,7 @@ def _closed_solid(
 
 
 def _open_solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
-    """An open piece with its faces outwards whose winding number tells inside from outside; None where it does not."""
+    """Open piece with its faces outwards whose winding number separates inside from outside; None where it does not."""
     if len(mesh.faces) < 4 or len(mesh.faces) > _MOST_OPEN_FACES or not mesh.is_winding_consistent:
         return None
     depth = _DEPTH * mesh.extents.max()

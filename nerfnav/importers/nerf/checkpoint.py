@@ -1,8 +1,8 @@
 """Checkpoints of nerf-pytorch: find them, and read their weights without running what a pickle may hold."""
 
-
 import pickle
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ def state_dicts(file: Path) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
             states = [_tensors(loaded[name], file) for name in names if isinstance(loaded.get(name), dict)]
             return states[0], states[-1]
     raise InvalidInputError(
-        f"{file} holds no networks of nerf-pytorch: {listed(name for name, _ in _NETWORKS)} was expected"
+        f"{file} holds no networks of nerf-pytorch: {join_alternatives(name for name, _ in _NETWORKS)} was expected"
     )
 
 
@@ -55,19 +55,22 @@ def _not_whole(file: Path) -> InvalidInputError:
     return InvalidInputError(f"{file} is not a whole checkpoint of nerf-pytorch (truncated, or another kind of file)")
 
 
-def listed(names: Any) -> str:
+def join_alternatives(names: Iterable[str]) -> str:
+    """Join names to a list of alternatives."""
     return " or ".join(names)
 
 
 def is_checkpoint(path: Path) -> bool:
-    """Whether a user means a checkpoint: a file by its ending, a folder by what is in it."""
+    """True for a checkpoint: a file by its ending, a folder by its content."""
     if path.is_dir():
         return any(entry.suffix.lower() in SUFFIXES for entry in path.iterdir())
     return path.suffix.lower() in SUFFIXES
 
 
 def newest_checkpoint(folder: Path) -> Path:
+    """Checkpoint of a folder with the highest number in its name. Raises InvalidInputError where there is none."""
     found = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
     if not found:
-        raise InvalidInputError(f"{folder} holds no checkpoint; a trained NeRF is a file ending in {listed(SUFFIXES)}")
+        endings = join_alternatives(SUFFIXES)
+        raise InvalidInputError(f"{folder} holds no checkpoint; a trained NeRF is a file ending in {endings}")
     return max(found, key=lambda entry: (int("0" + "".join(re.findall(r"\d+", entry.stem)[-1:])), entry.name))

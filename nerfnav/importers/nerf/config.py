@@ -17,42 +17,41 @@ _CONFIGS = ("config.yml", "config.yaml", "config.txt", "args.txt")
 
 @dataclass(frozen=True)
 class NerfPytorchConfig:
-    """How a checkpoint is read."""
+    """Options of a checkpoint import."""
 
     placement: Placement = dataclass_field(default_factory=Placement)
-    """Which way is up in the networks' axes (by default z), how long their unit is (1 m), which part is wanted (what
-    is solid)."""
+    """Up in the networks' axes (default z), metres per unit (1), and box (the solid part)."""
     near: float = 2.0
-    """Distance from which the cameras saw [unit], where the configuration says nothing plausible."""
+    """Near distance of the cameras [unit], where the configuration has no plausible one."""
     far: float = 6.0
-    """Distance to which they saw [unit]."""
+    """Far distance of the cameras [unit]."""
     octaves: tuple[bool, bool] = (True, True)
-    """Whether frequencies of positions and of directions double, where the configuration does not say."""
+    """Frequencies of positions and of directions double, where the configuration does not define them."""
     white: bool = True
-    """Whether what nothing stops is white, else black, where the configuration says nothing."""
+    """White background, else black, where the configuration does not define it."""
 
 
 def merge_run_config(folder: Path, config: NerfPytorchConfig) -> NerfPytorchConfig:
-    """`config` with what the run's own configuration says, as far as that is plausible."""
+    """Update `config` from the run's own configuration, as far as that is plausible."""
     sections = _sections(folder)
-    said, dataset = _flat(sections), sections.get("dataset")
+    entries, dataset = _flat(sections), sections.get("dataset")
     # networks have a type, too: the photographs' stands in their own section, or at the top
-    told = dataset if isinstance(dataset, dict) else sections
-    kind = str(told.get("type", told.get("dataset_type", ""))).lower()
-    if kind == "llff" and not _true(told.get("no_ndc", said.get("no_ndc", False))):
+    section = dataset if isinstance(dataset, dict) else sections
+    kind = str(section.get("type", section.get("dataset_type", ""))).lower()
+    if kind == "llff" and not _true(section.get("no_ndc", entries.get("no_ndc", False))):
         raise InvalidInputError(
             f"the NeRF in {folder} was trained in normalised device coordinates (llff without no_ndc), where lengths "
             "mean nothing: train it with no_ndc"
         )
-    near, far = said.get("near"), said.get("far")
+    near, far = entries.get("near"), entries.get("far")
     if isinstance(near, int | float) and isinstance(far, int | float) and 0 <= near < far < math.inf:
         config = replace(config, near=float(near), far=float(far))
     position, direction = config.octaves
-    doubling = (_true(said.get("log_sampling_xyz", position)), _true(said.get("log_sampling_dir", direction)))
+    doubling = (_true(entries.get("log_sampling_xyz", position)), _true(entries.get("log_sampling_dir", direction)))
     config = replace(config, octaves=doubling)
     for name in ("white_background", "white_bkgd"):
-        if name in said:
-            config = replace(config, white=_true(said[name]))
+        if name in entries:
+            config = replace(config, white=_true(entries[name]))
     return config
 
 

@@ -1,12 +1,11 @@
 """NeRF importer: read the coarse and fine networks of krrish94/nerf-pytorch and yenchenlin/nerf-pytorch.
 
-The shapes are read from the weights; the configuration beside them, which may speak of another run, only says how far
-the cameras saw and what is behind everything. Checkpoints are pickles: they are read with `weights_only=True`, which
-runs no code, and what asks for code is refused.
+The shapes are read from the weights; the configuration beside them, which may be that of another run, only gives the
+range of the cameras and the background. Checkpoints are pickles: they are read with `weights_only=True`, which
+runs no code and refuses files that hold any.
 
-The box of the field is the part of space that holds what is solid.
+The box of the field encloses the solid part of space.
 """
-
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,14 +21,14 @@ from nerfnav.geometry import Box, Pose, node_positions, shape_for
 from nerfnav.importers.core.placement import rotation_to_z
 from nerfnav.importers.nerf.checkpoint import newest_checkpoint, state_dicts
 from nerfnav.importers.nerf.config import NerfPytorchConfig, merge_run_config
-from nerfnav.importers.nerf.networks import network_of
+from nerfnav.importers.nerf.networks import build_network
 
 _SEARCH_CELLS = 56
 _SOLID = 10.0  # [1/unit]: density that makes a node part of the scene when the box is found
 _LEAST_PART = 0.01  # connected parts with a smaller share of all solid nodes are floaters
 
 
-def solid_box(field: NeuralField, file: Path) -> Box:
+def find_solid_box(field: NeuralField, file: Path) -> Box:
     """The part of the field's box that holds what is solid, and two cells around it."""
     spacing = float(field.box.size.max()) / _SEARCH_CELLS
     nodes = node_positions(field.box, shape_for(field.box, spacing))
@@ -55,7 +54,7 @@ def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> Ne
     config = NerfPytorchConfig() if config is None else config
     file = newest_checkpoint(path) if path.is_dir() else path
     config, states = merge_run_config(file.parent, config), state_dicts(file)
-    coarse, fine = (network_of(state, str(file), config.octaves) for state in states)
+    coarse, fine = (build_network(state, str(file), config.octaves) for state in states)
     place = config.placement
     unit = place.meters_per_unit or 1.0
     turn = torch.eye(3) if place.up is None else torch.from_numpy(rotation_to_z(np.array(place.up))).float()
@@ -65,4 +64,4 @@ def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> Ne
     field = NeuralField(
         box, coarse, fine, background, frame, NeuralConfig(unit=unit), FieldInfo(source=file.name)
     )
-    return field if place.box is not None else replace(field, box=solid_box(field, file))
+    return field if place.box is not None else replace(field, box=find_solid_box(field, file))

@@ -17,11 +17,11 @@ from nerfnav.field.models.mlp import Encoding, RadianceMlp
 _PARTS = ((0, "weight"), (1, "bias"))
 
 
-def network_of(state: dict[str, Tensor], where: str, octaves: tuple[bool, bool] = (True, True)) -> RadianceMlp:
-    """One network, whichever of the two projects its weights are of; `where` is what errors call its file.
+def build_network(state: dict[str, Tensor], where: str, octaves: tuple[bool, bool] = (True, True)) -> RadianceMlp:
+    """Build the network of either project; `where` names its file in errors.
 
-    `octaves` says whether the frequencies of positions and directions double; weights look the same either way.
-    Raises InvalidInputError where the shape is of none of them.
+    `octaves`: frequencies of positions and directions double; the weights have the same shapes either way.
+    Raises InvalidInputError for unknown shapes.
     """
     try:
         config, weights = _yenchenlin(state) if "pts_linears.0.weight" in state else _krrish94(state)
@@ -72,7 +72,7 @@ def _assembled(
     seen: list[tuple[Tensor, Tensor]],
     joint: str,
 ) -> tuple[MlpConfig, dict[str, Tensor]]:
-    """The config, told of the layers `seen` by directions, and all weights under nerfnav's names."""
+    """Complete the config with the layers `seen` by directions, and all weights under nerfnav's names."""
     weights = {f"hidden.{index}.{part}": pair[which] for index, pair in enumerate(layers) for which, part in _PARTS}
     if f"{joint}.weight" in state:  # colour and density in one, whatever the direction
         for _, part in _PARTS:
@@ -96,7 +96,7 @@ def _skips(layers: list[tuple[Tensor, Tensor]], width: int) -> tuple[int, ...]:
 
 
 def _encoding(width: int) -> Encoding:
-    """How many frequencies make an encoding of `width` numbers: 3 for the vector itself, where it is in, 6 for each."""
+    """Encoding of `width` numbers: 3 for the vector itself, where it is included, 6 for each frequency."""
     if width < 3 or width % 6 not in (0, 3):
         raise ValueError("no encoding of three numbers has this width")
     return Encoding(width // 6, include_input=width % 6 == 3)

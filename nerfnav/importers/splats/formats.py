@@ -8,18 +8,16 @@ A .splat holds, for each splat, position and standard deviations (6 float32), re
 (w, x, y, z) in steps of 1/128 from -1 (4 bytes).
 """
 
-
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.kinds import OWN_SPLATS, SPLATS
-from nerfnav.importers.core.magic import describe_mismatch
+from nerfnav.importers.core.kinds import OWN_SPLATS, SPLATS, describe_mismatch
 from nerfnav.importers.splats.gaussians import Splats, clean_splats, load_saved_splats, rgb_of
 from nerfnav.importers.splats.ksplat import read_ksplat
-from nerfnav.importers.splats.ply import columns_of, compressed, ply_columns, read_ply
+from nerfnav.importers.splats.ply import columns_of, decode_compressed, ply_columns, read_ply
 from nerfnav.importers.splats.sog import META, is_sog, read_sog
 from nerfnav.importers.splats.spz import read_spz
 
@@ -58,7 +56,7 @@ def load_splats(path: Path) -> Splats:
     Raises InvalidInputError, in one sentence, where the file is missing, empty, truncated or of another kind.
     """
     if path.is_dir() and (path / META).is_file():
-        return _some(path, read_sog(path))
+        return _require_splats(path, read_sog(path))
     if not path.is_file():
         raise InvalidInputError(f"there is no file of splats {path}")
     if path.stat().st_size == 0:
@@ -68,12 +66,12 @@ def load_splats(path: Path) -> Splats:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise InvalidInputError(f"{path} is no file of splats: those end in {', '.join(SPLATS)}, or are a {META}")
-    return _some(path, reader(path))
+    return _require_splats(path, reader(path))
 
 
 def holds_splats(path: Path) -> bool:
-    """Whether a file is of splats: by its ending, by a PLY header that names what splats have (other .ply are meshes),
-    or by what a meta.json describes, which may stand for its folder."""
+    """True for splats: by ending, by a PLY header with the properties of splats (other .ply are meshes), or by a
+    meta.json, which may stand for its folder."""
     suffix = path.suffix.lower()
     if path.is_dir():
         return is_sog(path / META)
@@ -88,7 +86,7 @@ def holds_splats(path: Path) -> bool:
     return set(_NEEDED) <= set(columns) or set(_PACKED) <= set(columns)
 
 
-def _some(path: Path, splats: Splats) -> Splats:
+def _require_splats(path: Path, splats: Splats) -> Splats:
     if len(splats) == 0:
         raise InvalidInputError(f"{path} holds no usable splat: of {splats.declared} none is finite and of sane size")
     return splats
@@ -99,7 +97,7 @@ def _ply(path: Path) -> Splats:
     vertices = tables.get("vertex", np.empty(0, np.dtype([])))
     names = set(vertices.dtype.names or ())
     if set(_PACKED) <= names and "chunk" in tables:
-        return compressed(path, tables["chunk"], vertices)
+        return decode_compressed(path, tables["chunk"], vertices)
     missing = [name for name in _NEEDED if name not in names]
     if missing:
         raise InvalidInputError(f"{path} is a PLY file without splats: its vertices have no {', '.join(missing)}")

@@ -8,7 +8,6 @@ File formats store unit quaternions without their largest part ("smallest three"
 1 / sqrt(2) of zero.
 """
 
-
 import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,44 +29,44 @@ _CORE = (0.01, 0.99)
 _SLAB = 0.1
 """Share of an edge that is cut off at once where hardly anything is in it."""
 _HARDLY = 0.002
-"""Share of all that a slab may hold then: a fiftieth of what would be there if all were spread evenly."""
+"""Largest share of the total in such a slab: a fiftieth of a uniform distribution."""
 _LARGEST = 0.5
 """Splats whose standard deviation exceeds this share of where nearly all splats are, are backdrops or mistakes."""
 
 
 @dataclass(frozen=True)
 class Splats:
-    """n splats."""
+    """Gaussian splats: n soft ellipsoids."""
 
     centers: Float[np.ndarray, "n 3"]
-    """Where they are [m]."""
+    """Centres [m]."""
     covariances: Float[np.ndarray, "n 3 3"]
-    """How far they reach [m^2]."""
+    """Covariances [m^2]."""
     rgbs: Float[np.ndarray, "n 3"]
     """Colours in [0, 1]; the mean over all directions where the file has colours that depend on them."""
     opacities: Float[np.ndarray, "n"]
     """Shares of the light that they stop at their centres, 0 to 1."""
     declared: int = 0
-    """How many the file said it holds."""
+    """Number of splats that the file declares."""
     dropped: dict[str, int] = field(default_factory=dict)
-    """Why splats were left out, and how many for each reason."""
+    """Number of dropped splats by reason."""
 
     def __len__(self) -> int:
-        """How many splats there are."""
+        """Number of splats."""
         return len(self.centers)
 
-    def placed(self, R_world_source: Float[np.ndarray, "3 3"], scale: float) -> "Splats":
+    def to_world(self, R_world_source: Float[np.ndarray, "3 3"], scale: float) -> "Splats":
         """The splats of a file in the world's axes, with `scale` metres for a unit of the file."""
         turn = scale * R_world_source
         return replace(
             self,
             centers=(self.centers @ turn.T).astype(np.float32),
-            covariances=positive(turn @ self.covariances @ turn.T),
+            covariances=make_positive(turn @ self.covariances @ turn.T),
         )
 
     @property
     def masses(self) -> Float[np.ndarray, " n"]:
-        """How much each splat shows: its opacity times its area, s_1 s_2 of its two larger standard deviations."""
+        """Visible mass of each splat: its opacity times its area, s_1 s_2 of its two larger standard deviations."""
         squares = np.linalg.eigvalsh(self.covariances.astype(np.float64)).clip(0, None)  # ascending
         return self.opacities * np.sqrt(squares[:, 1] * squares[:, 2])
 
@@ -75,9 +74,9 @@ class Splats:
 def clean_splats(
     centers: np.ndarray, scales: np.ndarray, wxyzs: np.ndarray, rgbs: np.ndarray, opacities: np.ndarray
 ) -> Splats:
-    """Splats of what a file says: standard deviations (n, 3), quaternions (n, 4) of any length.
+    """Build splats from a file's columns: standard deviations (n, 3), quaternions (n, 4) of any length.
 
-    What is not a number and what is absurdly large is left out and counted.
+    Non-finite and absurdly large splats are dropped and counted.
     """
     norms = np.linalg.norm(wxyzs, axis=1)
     finite = np.isfinite(np.concatenate([centers, scales, wxyzs, rgbs, opacities[:, None]], 1)).all(1)
@@ -90,7 +89,7 @@ def clean_splats(
     axes = rotations * np.maximum(scales, 1e-7 * (reach if np.isfinite(reach) else 1.0))[:, None, :]
     return Splats(
         centers[kept].astype(np.float32),
-        positive(axes @ axes.transpose(0, 2, 1)),
+        make_positive(axes @ axes.transpose(0, 2, 1)),
         rgbs[kept].clip(0, 1).astype(np.float32),
         opacities[kept].clip(0, 1).astype(np.float32),
         len(centers),
@@ -123,13 +122,13 @@ def load_saved_splats(path: Path) -> Splats:
             raise ValueError("arrays of wrong shape")
     except (OSError, zipfile.BadZipFile, ValueError, KeyError, EOFError) as error:
         raise InvalidInputError(f"{path} is not a whole file of splats that nerfnav wrote") from error
-    covariances = positive(upper[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(count, 3, 3))
+    covariances = make_positive(upper[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(count, 3, 3))
     share = np.float32(1 / 255)
     return Splats(centers, covariances, rgbs * share, opacities * share, count)
 
 
 def splats_path(field_file: Path) -> Path:
-    """Where the splats lie that a field was made of: castle.npz has them in castle.splats.npz."""
+    """Path of the splats of a field: castle.npz has them in castle.splats.npz."""
     return field_file.with_name(field_file.stem + OWN_SPLATS)
 
 
@@ -138,7 +137,7 @@ def rgb_of(harmonics: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return 0.5 + _Y0 * harmonics
 
 
-def positive(covariances: Float[np.ndarray, "n 3 3"], least: float = _THINNEST) -> Float[np.ndarray, "n 3 3"]:
+def make_positive(covariances: Float[np.ndarray, "n 3 3"], least: float = _THINNEST) -> Float[np.ndarray, "n 3 3"]:
     """Positive definite covariances, in single precision: no eigenvalue is below `least` times the largest.
 
     Rounding makes the smallest one of a flat splat negative, and square roots of it are no numbers.
@@ -152,7 +151,7 @@ def positive(covariances: Float[np.ndarray, "n 3 3"], least: float = _THINNEST) 
     return covariances.astype(np.float32)
 
 
-def in_half_precision(covariances: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:
+def fit_half_precision(covariances: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:
     """Covariances that stay finite and without negative eigenvalues when they are rounded to half precision.
 
     Too large ones shrink to its largest number; thin splats get as thick as their rounding is.
@@ -162,16 +161,16 @@ def in_half_precision(covariances: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarr
     shrunk = covariances * np.minimum(1.0, 0.9 * float(half.max) / largest)[:, None, None]
     # entries are rounded by half a step, which is no smaller than that of subnormal numbers
     smallest = float(half.smallest_subnormal)
-    thick = positive(shrunk, 2 * float(half.eps)) + 2 * smallest * np.eye(3)
+    thick = make_positive(shrunk, 2 * float(half.eps)) + 2 * smallest * np.eye(3)
     return thick.astype(np.float32)
 
 
 def robust_extent(
     centers: Float[np.ndarray, "n 3"], masses: Float[np.ndarray, " n"] | None = None
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """Lower and upper corner (3) of where nearly all points (n, 3) are, each counting as `masses` says, by default 1.
+    """Lower and upper corner (3) of nearly all points (n, 3), weighted by `masses`, by default 1.
 
-    From the first to the last percentile, without ends that are all but empty, and 15 % beyond, but no further than
+    From the first to the last percentile, without nearly empty ends, and 15 % beyond, but no further than
     there are points: objects stay whole, and strays far away do not count.
     """
     masses = np.ones(len(centers)) if masses is None or not masses.any() else masses
@@ -182,7 +181,7 @@ def robust_extent(
 
 
 def _core(along: np.ndarray, masses: np.ndarray) -> tuple[float, float]:
-    """From where to where nearly all of a mass lies that is spread along one axis."""
+    """Interval along one axis that holds nearly all of a mass."""
     order = np.argsort(along)
     along, share = along[order], np.cumsum(masses[order]) / masses.sum()
 
@@ -211,7 +210,7 @@ def _reach(centers: np.ndarray) -> float:
 
 
 WXYZ, XYZW = (0, 1, 2, 3), (1, 2, 3, 0)
-"""Where the parts that a file numbers 0 to 3 stand in (w, x, y, z)."""
+"""Positions in (w, x, y, z) of the parts that a file numbers 0 to 3."""
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.magic import magic_of
+from nerfnav.importers.core.kinds import identify_data
 from nerfnav.importers.splats.gaussians import Splats, clean_splats
 
 _HEADER, _SECTION = 4096, 1024
@@ -40,14 +40,14 @@ class _Section:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in the file [bytes]."""
         return 4 * self.partial_buckets + self.bucket_bytes * self.buckets + self.row.itemsize * self.splats
 
 
 def read_ksplat(path: Path) -> Splats:
     """Read a .ksplat file. Raises InvalidInputError where it is none, is cut off, or of an unknown version."""
     data = path.read_bytes()
-    if (named := magic_of(data[:512])) is not None:
+    if (named := identify_data(data[:512])) is not None:
         raise InvalidInputError(f"{path} is no .ksplat file of splats: it is {named}")
     if len(data) < _HEADER:
         raise InvalidInputError(f"{path} is truncated or no .ksplat file: it ends in its header of {_HEADER} bytes")
@@ -108,7 +108,7 @@ def _rows(data: bytes, section: _Section, level: int, path: Path) -> tuple[np.nd
 
 
 def _buckets(data: bytes, section: _Section, path: Path) -> np.ndarray:
-    """The number of each splat's bucket (n): full ones come first, then those whose lengths are told."""
+    """Bucket of each splat (n): full ones come first, then those with stored lengths."""
     wrong = InvalidInputError(f"{path} is damaged: its buckets do not hold its {section.splats} splats")
     if section.full_buckets + section.partial_buckets > section.buckets:
         raise wrong

@@ -25,12 +25,12 @@ from nerfnav.importers.splats.gaussians import Splats, robust_extent
 _HABITS: dict[str, Vector] = {".spz": (0.0, 1.0, 0.0)}
 _HABIT: Vector = (0.0, -1.0, 0.0)
 _AT_ORIGIN = 0.03
-"""How far from the origin an end may be that something stands on, in lengths along its axis."""
+"""Largest distance of a standing end from the origin, in lengths along its axis."""
 
 
 @dataclass(frozen=True)
 class SplatPlacement:
-    """How splats are to be placed, and what was guessed for it."""
+    """Placement of splats, and its guesses."""
 
     up: Vector
     """The direction that is up, in the file's own axes."""
@@ -43,13 +43,13 @@ class SplatPlacement:
 
 
 def place_splats(splats: Splats, placement: Placement, path: Path) -> SplatPlacement:
-    """Up and scale of splats as they were read from `path`: as told, else guessed."""
+    """Place splats from the file `path`: up and scale as given, else guessed."""
     guesses: list[str] = []
     lower, upper = robust_extent(splats.centers, splats.masses)
     up, scale = placement.up, placement.meters_per_unit
     longest = float((upper - lower).max()) * (scale or 1.0)
     if up is None:
-        up, why = guessed_up(splats, _HABITS.get(path.suffix.lower(), _HABIT))
+        up, why = guess_up(splats, _HABITS.get(path.suffix.lower(), _HABIT))
         guesses.append(f"up is {_name(up)} {why}")
     if scale is None:
         guesses.append(f"{UNIT_ASSUMED}, and the place is {format_length(longest)} long")
@@ -58,7 +58,7 @@ def place_splats(splats: Splats, placement: Placement, path: Path) -> SplatPlace
     return SplatPlacement(up, scale or 1.0, longest, tuple(guesses))
 
 
-def guessed_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
+def guess_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
     """The direction that is up, and why."""
     masses = splats.masses
     lower, upper = robust_extent(splats.centers, masses)
@@ -80,7 +80,7 @@ def guessed_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
 def _middles(
     centers: Float[np.ndarray, "n 3"], masses: Float[np.ndarray, " n"], lower: np.ndarray, upper: np.ndarray
 ) -> Float[np.ndarray, " 3"]:
-    """Where the middle of the opacity lies along each axis, between 0 at the lower and 1 at the upper end."""
+    """Centre of the opacity along each axis, between 0 at the lower and 1 at the upper end."""
     inside = ((centers >= lower) & (centers <= upper)).all(1)
     share = (centers[inside] - lower) / np.maximum(upper - lower, 1e-12)
     weights = masses[inside] if masses[inside].any() else np.ones(int(inside.sum()))

@@ -5,7 +5,6 @@ logarithms of standard deviations in 11, 10, 11 bits, colour and opacity in 4 ti
 number of its largest part (2 bits) and the three others in 10 bits each from -1/sqrt(2) to 1/sqrt(2).
 """
 
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,7 +106,7 @@ def _count(word: str) -> int:
 _CHUNK = 256
 
 
-def compressed(path: Path, chunks: np.ndarray, vertices: np.ndarray) -> Splats:
+def decode_compressed(path: Path, chunks: np.ndarray, vertices: np.ndarray) -> Splats:
     if len(chunks) != -(-len(vertices) // _CHUNK):
         raise InvalidInputError(
             f"{path} has {len(chunks)} chunks for {len(vertices)} splats, and {-(-len(vertices) // _CHUNK)} are needed"

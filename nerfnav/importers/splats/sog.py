@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.magic import describe_mismatch, head_of
+from nerfnav.importers.core.kinds import describe_mismatch, read_head
 from nerfnav.importers.splats.gaussians import Splats, clean_splats, from_smallest_three, rgb_of
 
 MOST_BYTES = 1 << 28
@@ -32,7 +32,7 @@ Read = Callable[[str], bytes]
 
 
 def is_sog(meta: Path) -> bool:
-    """Whether a meta.json is that of splats: other programs have files of this name, too."""
+    """True for a meta.json of splats: other programs have files of this name, too."""
     try:
         content = json.loads(meta.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -49,7 +49,7 @@ def read_sog(path: Path) -> Splats:
     if meta.suffix.lower() == ".json":
         return _decoded(path, lambda name: _beside(meta, name), meta.name)
     if not zipfile.is_zipfile(path):
-        head = head_of(path)
+        head = read_head(path)
         if head[:4] == b"PK\x03\x04":
             raise InvalidInputError(f"{path} is truncated: it is a zip archive whose end is missing")
         raise InvalidInputError(describe_mismatch(path, ".sog file of splats", head))
@@ -138,7 +138,7 @@ def _plane(path: Path, read: Read, file: str, count: int) -> np.ndarray:
 
 
 def _looked_up(path: Path, entry: dict[str, Any], pixels: np.ndarray) -> np.ndarray:
-    """What pixels stand for: places in a codebook (version 2), or between limits (version 1)."""
+    """Decode pixels: entries of a codebook (version 2), or values between limits (version 1)."""
     try:
         if "codebook" in entry:
             return np.array(entry["codebook"], np.float64)[pixels[:, :3]]

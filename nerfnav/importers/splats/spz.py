@@ -11,19 +11,20 @@ and one more. After it, attribute by attribute:
                 x, y, z, w in 10 bits (sign and magnitude), the number of the largest in the upper 2
 
 and harmonics, which are not read. Versions up to 3 are one gzip stream; version 4 has a header of 32 bytes, a table of
-contents and a Zstandard stream for each attribute. Axes are right, up, back unless an extension says otherwise.
+contents and a Zstandard stream for each attribute. Axes are right, up, back unless an extension defines others.
 """
 
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.magic import LONGEST, describe_mismatch
+from nerfnav.importers.core.kinds import HEAD_BYTES, describe_mismatch
 from nerfnav.importers.splats.gaussians import XYZW, Splats, clean_splats, from_smallest_three, rgb_of
 
 MOST_SPLATS = 20_000_000
@@ -38,18 +39,26 @@ _RIGHT_UP_BACK = 4
 _COLOR_SCALE = 0.15
 
 
+@dataclass(frozen=True)
+class _Contents:
+    version: int
+    count: int  # of splats
+    bits: int  # fractional ones of positions
+    attributes: list[bytes]  # positions, opacities, colours, scales and rotations
+
+
 def read_spz(path: Path) -> Splats:
     """Read an .spz file. Raises InvalidInputError where it is none, is cut off, or of an unknown version."""
     data = path.read_bytes()
     if data[:2] == _GZIP:
-        return _decoded(path, *_gzipped(path, data))
+        return _decoded(path, _gzipped(path, data))
     if data[:4] == _MAGIC:
-        return _decoded(path, *_zstandard(path, data))
-    raise InvalidInputError(describe_mismatch(path, ".spz file of splats", data[:LONGEST]))
+        return _decoded(path, _zstandard(path, data))
+    raise InvalidInputError(describe_mismatch(path, ".spz file of splats", data[:HEAD_BYTES]))
 
 
-def _gzipped(path: Path, data: bytes) -> tuple[int, int, int, list[bytes]]:
-    """Version, count, fractional bits and attributes of a file of versions 1 to 3."""
+def _gzipped(path: Path, data: bytes) -> _Contents:
+    """Unpack a file of versions 1 to 3."""
     unzip = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
         head = unzip.decompress(data, _HEADER.size)
@@ -57,7 +66,7 @@ def _gzipped(path: Path, data: bytes) -> tuple[int, int, int, list[bytes]]:
             raise InvalidInputError(f"{path} is no .spz file of splats: it is gzip data of something else")
         _, version, count, _, bits, _, _ = _HEADER.unpack(head)
         sizes = _sizes(path, version, count)
-        # no more than is needed: the file may come from anybody, and swell without end
+        # no more than is needed: the file may be malicious, and swell without end
         body = unzip.decompress(unzip.unconsumed_tail, sum(sizes)) if count else b""
     except zlib.error as error:
         raise InvalidInputError(f"{path} is damaged: its gzip data cannot be unpacked") from error
@@ -66,11 +75,11 @@ def _gzipped(path: Path, data: bytes) -> tuple[int, int, int, list[bytes]]:
             f"{path} is truncated: its {count} splats take {sum(sizes)} bytes, but there are {len(body)}"
         )
     ends = np.cumsum([0, *sizes])
-    return version, count, bits, [body[first:end] for first, end in pairwise(ends)]
+    return _Contents(version, count, bits, [body[first:end] for first, end in pairwise(ends)])
 
 
-def _zstandard(path: Path, data: bytes) -> tuple[int, int, int, list[bytes]]:
-    """The same of a file of version 4."""
+def _zstandard(path: Path, data: bytes) -> _Contents:
+    """Unpack a file of version 4."""
     import zstandard
 
     if len(data) < _HEADER.size + _TABLE.size:
@@ -96,7 +105,7 @@ def _zstandard(path: Path, data: bytes) -> tuple[int, int, int, list[bytes]]:
             raise InvalidInputError(f"{path} is damaged: its stream {index + 1} has another size than its splats take")
         parts.append(part)
         at += stored
-    return version, count, bits, parts
+    return _Contents(version, count, bits, parts)
 
 
 def _sizes(path: Path, version: int, count: int) -> list[int]:
@@ -109,7 +118,7 @@ def _sizes(path: Path, version: int, count: int) -> list[int]:
 
 
 def _require_usual_axes(path: Path, records: bytes) -> None:
-    """Refuse other axes than SPZ's own, which hardly anybody writes; other extensions are about viewers."""
+    """Refuse other axes than SPZ's own, which are rare; other extensions are about viewers."""
     for kind, payload in _records(records):
         if kind == _AXES_EXTENSION and len(payload) == 4 and int.from_bytes(payload, "little") != _RIGHT_UP_BACK:
             raise InvalidInputError(
@@ -124,19 +133,20 @@ def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
         data = data[8 + size :]
 
 
-def _decoded(path: Path, version: int, count: int, bits: int, parts: list[bytes]) -> Splats:
+def _decoded(path: Path, contents: _Contents) -> Splats:
+    count, bits = contents.count, contents.bits
     if count == 0:
         raise InvalidInputError(f"{path} holds no splat")
     if bits > 24:
         raise InvalidInputError(f"{path} is damaged: positions of 24 bits cannot have {bits} fractional ones")
-    positions, opacities, colors, scales, rotations = (np.frombuffer(part, np.uint8) for part in parts)
+    positions, opacities, colors, scales, rotations = (np.frombuffer(part, np.uint8) for part in contents.attributes)
     words = np.zeros((3 * count, 4), np.uint8)
     words[:, 1:] = positions.reshape(-1, 3)  # into the upper bytes, which hold the sign
     centers = (words.view("<i4")[:, 0] >> 8).reshape(count, 3) / float(1 << bits)
     return clean_splats(
         centers,
         np.exp(scales.reshape(count, 3) / 16 - 10.0),
-        _first_three(rotations) if version == 2 else _smallest_three(rotations),
+        _first_three(rotations) if contents.version == 2 else _smallest_three(rotations),
         rgb_of((colors.reshape(count, 3) / 255 - 0.5) / _COLOR_SCALE),
         opacities / 255,
     )

@@ -42,14 +42,14 @@ _MARGIN = 3.0  # nodes between the outermost centres and the box's border
 
 @dataclass(frozen=True)
 class VoxelizeConfig:
-    """How splats become a voxel field."""
+    """Options of the conversion of splats to a voxel field."""
 
     voxel: float | None = None
     """Distance of nodes [m]; None: a 200th of the longest edge, more where that is more than a few million nodes."""
     box: Box | None = None
-    """Where the field is defined; None: where nearly all of the splats' opacity is."""
+    """Box of the field; None: around nearly all of the splats' opacity."""
     sweeps: int = 6
-    """How many times raw densities are corrected."""
+    """Number of corrections of the raw densities."""
     empty_below: float = 0.005
     """Optical depth that a node must have across itself to count; places without a known unit have no density that
     would be little in all of them."""
@@ -85,7 +85,7 @@ def _voxel_for(box: Box) -> float:
 
 
 def _box_of(splats: Splats, config: VoxelizeConfig) -> Box:
-    """Where nearly all of the opacity is, and a little more."""
+    """Box around nearly all of the opacity, with a margin."""
     lower, upper = robust_extent(splats.centers, splats.masses)
     widest = float((upper - lower).max()) or 6 * float(np.sqrt(np.trace(splats.covariances.mean(0))))
     margin = _MARGIN * (widest / _NODES_ALONG if config.voxel is None else config.voxel)
@@ -95,7 +95,8 @@ def _box_of(splats: Splats, config: VoxelizeConfig) -> Box:
 
 
 def _in_grid(splats: Splats, box: Box, spacing: np.ndarray) -> tuple[np.ndarray, ...]:
-    """What the kernel asks for: splats blurred by a node's width, in grid coordinates; `spacing` is theirs [m]."""
+    """Arguments of the kernel: splats blurred by a node's width, in grid coordinates; `spacing` is that of nodes
+    [m]."""
     covariances = splats.covariances.astype(np.float64)
     squares = np.linalg.eigvalsh(covariances).clip(1e-16, None)  # ascending
     depth = -np.log1p(-splats.opacities.astype(np.float64).clip(0, _LARGEST_OPACITY))

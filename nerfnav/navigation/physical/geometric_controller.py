@@ -21,7 +21,7 @@ _UPRIGHT = 1e-6
 
 @dataclass(frozen=True)
 class TrackingGains:
-    """How strongly errors are fed back."""
+    """Gains of the geometric controller."""
 
     position: float = 36.0
     """Acceleration for a metre [1/s^2]."""
@@ -32,38 +32,41 @@ class TrackingGains:
     body_rate: float = 55.0
     """Angular acceleration for a radian a second [1/s]."""
     lead: float = 2.5
-    """How many times a rotor's missing speed is asked of its motor, which follows with a lag."""
+    """Factor on the missing speed of a rotor in the command of its motor, which follows with a lag."""
     observer: float = 20.0
     """Rate at which the disturbance follows what the accelerometers feel [1/s]."""
     least_thrust: float = 0.5
-    """Share of the thrust of the plan that corrections leave of it at least."""
+    """Least share of the planned thrust that corrections leave."""
     lean: float = 0.4
-    """How far corrections may take the thrust to the side, for what it is along the plan's: by 22 degrees."""
+    """Largest sideways correction of the thrust, relative to the thrust along the planned one: 22 degrees."""
 
 
 def compute_wrench(
-    wanted: ReferenceState, believed: BodyState, disturbance: np.ndarray, inertia: np.ndarray, gains: TrackingGains
+    reference: ReferenceState, believed: BodyState, disturbance: np.ndarray, inertia: np.ndarray, gains: TrackingGains
 ) -> np.ndarray:
-    """Thrust for each kg [m/s^2] and torque [N m] that lead from the believed state to the wanted one.
+    """Compute the thrust for each kg [m/s^2] and the torque [N m] that lead from the believed state to the reference.
 
     `disturbance` is d, in the world [m/s^2].
     """
-    correction = gains.position * (wanted.position - believed.position) - disturbance
-    correction = correction + gains.velocity * (wanted.velocity - believed.velocity)
-    pull = corrected(wanted.acceleration, correction, gains)
-    rotation = tilted(wanted.rotation, pull)
+    correction = gains.position * (reference.position - believed.position) - disturbance
+    correction = correction + gains.velocity * (reference.velocity - believed.velocity)
+    pull = correct_thrust(reference.acceleration, correction, gains)
+    rotation = tilt_attitude(reference.rotation, pull)
     between = rotation.T @ believed.rotation
     off = 0.5 * (between - between.T)
     attitude = np.array([off[2, 1], off[0, 2], off[1, 0]])
-    rate = believed.body_rate - between.T @ wanted.body_rate
-    turning = between.T @ wanted.turning - gains.attitude * attitude - gains.body_rate * rate
+    rate = believed.body_rate - between.T @ reference.body_rate
+    turning = between.T @ reference.turning - gains.attitude * attitude - gains.body_rate * rate
     torque = inertia * turning + cross(believed.body_rate, inertia * believed.body_rate)
     return np.array([max(0.0, float(pull @ believed.rotation[:, 2])), *torque])
 
 
-def corrected(pull: np.ndarray, correction: np.ndarray, gains: TrackingGains) -> np.ndarray:
-    """The sum, but for what of a correction would turn the thrust over: where a plan lets a robot fall it asks for
-    little thrust, and one that falls too slowly would be turned upside down to be pushed after it."""
+def correct_thrust(pull: np.ndarray, correction: np.ndarray, gains: TrackingGains) -> np.ndarray:
+    """Add a correction to a planned thrust, without the part that would turn the thrust over.
+
+    Where a plan lets a robot fall it has little thrust, and a correction of a robot that falls too slowly would turn it
+    upside down to push it down.
+    """
     length = float(np.sqrt(pull @ pull))
     if length < _UPRIGHT:
         return pull + correction
@@ -75,8 +78,8 @@ def corrected(pull: np.ndarray, correction: np.ndarray, gains: TrackingGains) ->
     return kept * axis + across * min(1.0, gains.lean * kept / max(sideways, _UPRIGHT))
 
 
-def tilted(rotation: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """The attitude turned by the least angle that takes its z axis to a direction; as it is for no direction."""
+def tilt_attitude(rotation: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """Turn an attitude by the least angle that takes its z axis to a direction; keep it where there is none."""
     length = float(np.sqrt(pull @ pull))
     axis = rotation[:, 2]
     cosine = float(axis @ pull) / max(length, _UPRIGHT)

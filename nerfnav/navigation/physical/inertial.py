@@ -1,4 +1,4 @@
-"""Inertial measurements, and states moved on by them; notation and equations are those of inertial/strapdown.py."""
+"""Inertial measurements, and propagation of states by them, in the notation of inertial/strapdown.py."""
 
 from dataclasses import dataclass, field
 
@@ -14,17 +14,17 @@ from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.rigid_body import BodyState, rotation_of
 
 _PERFECT = 1e-6
-"""What noise of a unit without any is taken for: covariances are inverted."""
+"""Least noise of a unit: covariances are inverted."""
 
 
 @dataclass
 class InertialUnit:
-    """Gyroscopes and accelerometers in the middle of the body, with white noise and biases that stay as they are."""
+    """Gyroscopes and accelerometers in the middle of the body, with white noise and constant biases."""
 
     config: PhysicalConfig
-    """How good they are."""
+    """Noise densities and biases."""
     generator: torch.Generator
-    """Decides their errors."""
+    """Draws their errors."""
     _bias: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -34,8 +34,8 @@ class InertialUnit:
         density = np.repeat([self.config.gyroscope_noise, self.config.accelerometer_noise], 3)
         self._white = density * self.config.control_hz**0.5
 
-    def told(self, gravity: float) -> ImuConfig:
-        """What is known of it beforehand: all but its biases; and gravity [m/s^2]."""
+    def describe(self, gravity: float) -> ImuConfig:
+        """Describe the unit as the filter knows it, without its biases, at a gravity [m/s^2]."""
         config = self.config
         noise = (max(_PERFECT, density) for density in (config.gyroscope_noise, config.accelerometer_noise))
         return ImuConfig(
@@ -45,16 +45,16 @@ class InertialUnit:
         )  # fmt: skip
 
     def measure(self, body_rate: np.ndarray, specific_force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Angular velocity [rad/s] and specific force [m/s^2] as measured."""
+        """Measure an angular velocity [rad/s] and a specific force [m/s^2]."""
         white = self._white * torch.randn(6, generator=self.generator, dtype=torch.float64).numpy()
         off = self._bias + white
         return body_rate + off[:3], specific_force + off[3:]
 
 
 def integrate_imu(
-    state: BodyState, measured: tuple[np.ndarray, np.ndarray], turning: np.ndarray, gravity: float, dt: float
+    state: BodyState, body_rate: np.ndarray, force: np.ndarray, turning: np.ndarray, gravity: float, dt: float
 ) -> BodyState:
-    """The state `dt` [s] later by a measured angular velocity [rad/s] and specific force [m/s^2] in the body.
+    """Propagate a state over `dt` [s] by a measured angular velocity [rad/s] and specific force [m/s^2] in the body.
 
     Gyroscopes measure the mean over that time, which is the angular velocity at its middle. At its end it is
 
@@ -62,7 +62,6 @@ def integrate_imu(
 
     up to the second order, with the angular acceleration w' (`turning` [rad/s^2]) that the rotors bring about.
     """
-    body_rate, force = measured
     at = state.rotation, state.velocity, state.position
     turns = rotation_of(0.5 * dt * body_rate), rotation_of(dt * body_rate)
     rotation, velocity, position = integrate_step(at, turns, force, np.array([0.0, 0.0, -gravity]), dt)
@@ -71,7 +70,7 @@ def integrate_imu(
 
 @dataclass(frozen=True)
 class InertialInterval:
-    """What the unit has measured over an interval, biases and all."""
+    """Inertial measurements over an interval, with their biases."""
 
     increments: Increments
     """Turn, speed and way, and the last angular velocity."""
@@ -82,10 +81,9 @@ class InertialInterval:
 
     @classmethod
     def between(
-        cls, before: BodyState, after: BodyState, gravity: float, times: tuple[float, float]
+        cls, before: BodyState, after: BodyState, gravity: float, duration: float, tick: float
     ) -> "InertialInterval":
-        """What has moved one state to the other; `times` are the duration and the tick [s]."""
-        duration, tick = times
+        """Measurements that take one state to the other in a `duration` [s], one in each `tick` [s]."""
         fall = np.array([0.0, 0.0, -gravity]) * duration
         turn = so3.project(torch.from_numpy(before.rotation.T @ after.rotation))  # what beliefs are turned by stays one
         speed = before.rotation.T @ (after.velocity - before.velocity - fall)
@@ -94,7 +92,7 @@ class InertialInterval:
         return cls(Increments(turn, speed, way, rate), duration, tick)
 
     def without(self, biases: Float[Tensor, "6"], unit: ImuConfig) -> Preintegrated:
-        """The same without biases of gyroscopes [rad/s] and accelerometers [m/s^2], and how far that is to be trusted.
+        """Subtract biases of gyroscopes [rad/s] and accelerometers [m/s^2], and compute derivatives and covariance.
 
         Derivatives and covariance are those of a specific force f that stays as it is in the body, in the attitude M of
         the middle of the interval T: with C = -M hat(f), noise densities q of the gyroscopes and r of the
@@ -120,7 +118,7 @@ class InertialInterval:
 
 
 def _white(tipped: Float[Tensor, "3 3"], time: float, unit: ImuConfig) -> Float[Tensor, "9 9"]:
-    """Covariance of turn, speed and way that white noise brings about in a time [s]; `tipped` is C."""
+    """Covariance of turn, speed and way by white noise in a time [s]; `tipped` is C."""
     q, r, eye, tips = unit.gyro**2, unit.accel**2, torch.eye(3).double(), tipped @ tipped.T
     turned, pushed, moved = q * time * eye, q * time**2 / 2 * tipped, q * time**3 / 6 * tipped
     speed = q * time**3 / 3 * tips + r * time * eye

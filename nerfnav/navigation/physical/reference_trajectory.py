@@ -23,19 +23,19 @@ from nerfnav.geometry import so3
 from nerfnav.robots import Motion, RigidState, thrust_and_attitude
 
 _DEGREE, _PAST, _AHEAD = 5, 3, 4
-"""Of the spline, and on how many waypoints before and after the one where it begins a step of it depends."""
+"""Degree of the spline, and the waypoints before and after its start on which a step depends."""
 _SAME_M = 0.01
-"""A plan that begins no farther from where the last one led goes on from there."""
+"""Largest distance of a plan from the state to which the last one led that counts as its continuation [m]."""
 
 
 @dataclass(frozen=True)
 class ReferenceState:
-    """What the robot should do at one time."""
+    """Reference of the controller at one time."""
 
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
-    """Without gravity: what the thrust should give [m/s^2]."""
+    """Without gravity: the acceleration by thrust [m/s^2]."""
     rotation: np.ndarray
     body_rate: np.ndarray
     turning: np.ndarray
@@ -44,25 +44,25 @@ class ReferenceState:
 
 @dataclass(frozen=True)
 class TrackedWaypoints:
-    """Waypoints (x, y, z [m], yaw [rad]) that were tracked, and where the plan led that was tracked last."""
+    """Waypoints (x, y, z [m], yaw [rad]) that were tracked, and the state to which the last plan led."""
 
     waypoints: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     """One for each time step, the latest last."""
     led: RigidState | None = None
     """None before the first plan."""
 
-    def along(self, plan: Motion, ticks: int, gravity: float) -> tuple[list[ReferenceState], "TrackedWaypoints"]:
-        """What to do at `ticks` times of a plan's first step, and what was flown after it."""
+    def track(self, plan: Motion, ticks: int, gravity: float) -> tuple[list[ReferenceState], "TrackedWaypoints"]:
+        """Compute the reference at `ticks` times of a plan's first step, and the waypoints after it."""
         ahead, past = _waypoints(plan.states), self.waypoints
         if self.led is None or not _same(self.led, plan.states[0]):
             past = _straight_back(ahead)
         ahead[:, 3] += 2 * np.pi * np.round((past[-1, 3] - ahead[0, 3]) / (2 * np.pi))
-        wanted = _flat(np.concatenate([past, ahead]), len(past), (ticks, plan.dt), gravity)
-        return wanted, TrackedWaypoints(np.concatenate([past, ahead[:1]])[-_PAST:], plan.states[1])
+        reference = _flat(np.concatenate([past, ahead]), len(past), ticks, plan.dt, gravity)
+        return reference, TrackedWaypoints(np.concatenate([past, ahead[:1]])[-_PAST:], plan.states[1])
 
 
 def _waypoints(states: RigidState) -> np.ndarray:
-    """Those of a plan, and where it leads at the speed with which it ends, for as long as splines look ahead."""
+    """Waypoints of a plan, continued at its last speed for as long as splines look ahead."""
     position = states.position.detach().double().numpy()[: _AHEAD + 1]
     yaw = np.unwrap(so3.yaw_of(states.rotation.detach()).double().numpy()[: _AHEAD + 1])
     known = np.concatenate([position, yaw[:, None]], -1)
@@ -71,7 +71,7 @@ def _waypoints(states: RigidState) -> np.ndarray:
 
 
 def _straight_back(ahead: np.ndarray) -> np.ndarray:
-    """Where a robot may have come from that starts so."""
+    """Continue a path backward from its start."""
     back = np.arange(_PAST, 0, -1)[:, None]
     return ahead[0] - back * (ahead[1] - ahead[0])
 
@@ -80,9 +80,8 @@ def _same(led: RigidState, start: RigidState) -> bool:
     return bool((led.position - start.position).norm() < _SAME_M)
 
 
-def _flat(waypoints: np.ndarray, now: int, timing: tuple[int, float], gravity: float) -> list[ReferenceState]:
-    """By differential flatness, at times of the step after waypoint `now`: `timing` has their count and the step."""
-    ticks, dt = timing
+def _flat(waypoints: np.ndarray, now: int, ticks: int, dt: float, gravity: float) -> list[ReferenceState]:
+    """Differential flatness at `ticks` times of the step of `dt` [s] after waypoint `now`."""
     control = waypoints[1:-1] - 0.25 * np.diff(waypoints, 2, axis=0)
     knots = dt * (np.arange(len(control) + _DEGREE + 1) + 1 - (_DEGREE + 1) / 2)
     curve, tick = scipy.interpolate.BSpline(knots, control, _DEGREE), dt / ticks

@@ -1,27 +1,29 @@
-"""Newton-Euler equations of a multirotor, integrated by Runge-Kutta of the fourth order.
+"""Multirotor: Newton-Euler equations, integrated by Runge-Kutta of the fourth order, and the lag of motors and rotors.
 
     p' = v     m v' = R e3 sum(k s^2) + m g + F     R' = R hat(w)     J w' = tau(s) - w x J w
 
 with rotor speeds s, the force F of the air [N], thrusts k s^2 along the body's z axis, and torques of their levers and
 of the rotors' own drag. This is one robot, in double precision: vectors are (3,), rotations (3, 3), rotor speeds (r,),
-a wrench of thrust and torque (4,). Shapes are told in words alone, for these are called thousands of times a second.
+a wrench of thrust and torque (4,). Shapes stand in comments alone, for these are called thousands of times a second.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from nerfnav.navigation.physical.config import PhysicalConfig
 
 
 @dataclass(frozen=True)
 class Airframe:
-    """What does not change of a multirotor."""
+    """Mass, inertia and rotors of a multirotor."""
 
     mass: float
     """m [kg]."""
     inertia: np.ndarray
     """Diagonal of J [kg m^2]."""
     rotors: np.ndarray
-    """Where the rotors are, in the body, (r, 3) [m]."""
+    """Positions of the rotors in the body, (r, 3) [m]."""
     spins: np.ndarray
     """1 or -1: the sign of the torque about z with which a rotor's drag turns the body."""
     thrust_coefficient: float
@@ -33,14 +35,14 @@ class Airframe:
 
     @property
     def allocation(self) -> np.ndarray:
-        """From the rotors' thrusts [N] to thrust [N] and torque [N m], (4, r)."""
+        """Allocation matrix from the rotors' thrusts [N] to thrust [N] and torque [N m], (4, r)."""
         yaw = self.spins * self.torque_coefficient / self.thrust_coefficient
         return np.stack([np.ones(len(self.rotors)), self.rotors[:, 1], -self.rotors[:, 0], yaw])
 
 
 @dataclass(frozen=True)
 class BodyState:
-    """Where a rigid body is and how it moves."""
+    """State of a rigid body, in double precision."""
 
     position: np.ndarray
     """p, in the world [m]."""
@@ -50,6 +52,46 @@ class BodyState:
     """R_world_body."""
     body_rate: np.ndarray
     """w, in the body's axes [rad/s]."""
+
+
+@dataclass
+class Powertrain:
+    """Motors and rotors: speeds follow their commands with a lag, within limits; at first those of hover."""
+
+    frame: Airframe
+    """Nominal airframe, which the commands are made for."""
+    world: PhysicalConfig
+    """Limits and lag."""
+    lead: float
+    """Lead compensation of the lag: factor on the difference of a rotor's speed from its target."""
+    speeds: np.ndarray = field(init=False)
+    """Of the rotors [rad/s]."""
+
+    def __post_init__(self) -> None:
+        """Start with the speeds of hover."""
+        count = len(self.frame.rotors)
+        each = self.frame.mass * self.frame.gravity / count / self.frame.thrust_coefficient
+        self.speeds = np.full(count, np.sqrt(each))
+        self._inverse = np.linalg.pinv(self.frame.allocation)
+
+    def spin(self, target: np.ndarray, dt: float) -> np.ndarray:
+        """Return the thrust [N] and torque [N m] after `dt` [s] of a target: thrust for each kg, and torque.
+
+        Where rotors reach their limits, roll and pitch come first, then thrust, and yaw last.
+        """
+        world, coefficient = self.world, self.frame.thrust_coefficient
+        least, most = world.slowest_radps**2, world.fastest_radps**2
+        lifting = np.array([self.frame.mass * target[0], target[1], target[2], 0.0])
+        squares = self._inverse @ lifting / coefficient
+        squares = squares + max(0.0, least - squares.min())
+        squares = (squares - max(0.0, squares.max() - most)).clip(least, most)
+        yawing = self._inverse[:, 3] * target[3] / coefficient
+        room = np.where(yawing > 0, most - squares, squares - least)
+        share = min(1.0, float((room / np.maximum(np.abs(yawing), 1e-9)).min()))
+        aim = np.sqrt((squares + share * yawing).clip(least, most))
+        command = np.clip(self.speeds + self.lead * (aim - self.speeds), world.slowest_radps, world.fastest_radps)
+        self.speeds = command + (self.speeds - command) * np.exp(-dt / world.motor_lag_s)
+        return self.frame.allocation @ (coefficient * self.speeds**2)
 
 
 def integrate(

@@ -16,17 +16,17 @@ from nerfnav.robots import Quadrotor, Robot
 
 T = TypeVar("T")
 WorldName = Literal["paper", "physical"]
-"""The worlds, as users choose them."""
+"""Names of the worlds, as options take them."""
 _GENTLE = 0.4
-"""Share of the angular acceleration that plans take for as dear as the weight where rotors have to bring it about."""
+"""Share of the angular acceleration that costs as much as the weight, for plans that rotors have to follow."""
 
 
-def _unchanged(thing: T) -> T:
+def _keep(thing: T) -> T:
     return thing
 
 
 def make_physical_simulator(simulator: Simulator, world: PhysicalConfig | None = None) -> PhysicalSimulator:
-    """The same robot in the physical world. Raises InvalidInputError for other robots than quadrotors."""
+    """Move a simulator to the physical world. Raises InvalidInputError for other robots than quadrotors."""
     return PhysicalSimulator(
         simulator.robot, simulator.state, simulator.camera, simulator.generator, simulator.mount,
         noise=None, contact=simulator.contact, world=world or PhysicalConfig(),
@@ -34,17 +34,17 @@ def make_physical_simulator(simulator: Simulator, world: PhysicalConfig | None =
 
 
 def configure_for_physics(config: NavigateConfig) -> NavigateConfig:
-    """A flight whose plans are tracked, by a robot that soon holds where it sees nothing."""
+    """Configure a flight whose plans a controller tracks, and whose robot soon holds where it sees nothing."""
     most = min(config.recovery.widest, UNSEEN_M)
     recovery = replace(config.recovery, widest=most, sure=min(config.recovery.sure, most))
     return replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
 
 
 def reserve_control_authority(robot: Robot) -> Robot:
-    """The robot as planners take it that leave it something to fight the wind and to turn with.
+    """Tighten the limits of a robot for planning, so that the controller can reject wind and turn.
 
-    That is two thirds of its speed and tilt, half of its body rate, five sixths of its thrust and twice the floor of
-    it. Torques are dearer: between two time steps rotors cannot do what thrust asks of them that jumps.
+    That leaves two thirds of its speed and tilt, half of its body rate, five sixths of its thrust and twice the floor
+    of it. Torques cost more: between two time steps rotors cannot follow a thrust that jumps.
     """
     if not isinstance(robot, Quadrotor):
         return robot
@@ -60,35 +60,36 @@ def reserve_control_authority(robot: Robot) -> Robot:
     return careful
 
 
-def compensate_latency(pilot: NavigationStack, simulator: Simulator) -> NavigationStack:
-    """A pilot with an inertial unit, who knows that pictures are late in the physical world; the same one in the
-    paper's. Raises InvalidInputError for an estimator whose beliefs nothing else can move.
+def compensate_latency(stack: NavigationStack, simulator: Simulator) -> NavigationStack:
+    """Add latency compensation to the estimator in the physical world; return the stack unchanged in the paper's.
+
+    Raises InvalidInputError for an estimator whose beliefs inertial measurements cannot propagate.
     """
     if not isinstance(simulator, PhysicalSimulator):
-        return pilot
-    if not isinstance(pilot.estimator, Corrector):
+        return stack
+    if not isinstance(stack.estimator, Corrector):
         raise InvalidInputError(
-            f"{type(pilot.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), "
+            f"{type(stack.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), "
             "and in the physical world inertial measurements move beliefs: fly it in the paper's world"
         )
-    late = LatencyCompensation(pilot.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
-    return replace(pilot, estimator=late)
+    late = LatencyCompensation(stack.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
+    return replace(stack, estimator=late)
 
 
 @dataclass(frozen=True)
 class World:
-    """What a flight is told of the world that it happens in; nothing of the paper's."""
+    """Adjustments of a flight to its world; none in the paper's."""
 
-    expecting: Callable[[NavigateConfig], NavigateConfig] = _unchanged
-    """How it is flown."""
-    planned: Callable[[Robot], Robot] = _unchanged
-    """The robot as planners take it."""
-    simulated: Callable[[Simulator], Simulator] = _unchanged
-    """Where it happens."""
+    configure: Callable[[NavigateConfig], NavigateConfig] = _keep
+    """Configuration of the flight."""
+    planning_robot: Callable[[Robot], Robot] = _keep
+    """Robot with the limits of planners."""
+    simulate: Callable[[Simulator], Simulator] = _keep
+    """Simulator of the world."""
 
 
 WORLDS: dict[WorldName, World] = {
     "paper": World(),
     "physical": World(configure_for_physics, reserve_control_authority, make_physical_simulator),
 }
-"""Name to world."""
+"""Worlds by name."""

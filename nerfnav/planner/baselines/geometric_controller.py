@@ -3,11 +3,11 @@
 After Mellinger and Kumar (2011) and Lee, Leok and McClamroch, "Geometric tracking control of a quadrotor UAV on
 SE(3)" (2010):
 
-    F = m (a_ref + w^2 (p_ref - p) + 2 z w (v_ref - v) - g)     the force that is wanted
-    f = F . R e3                                                what the present attitude gives of it
+    F = m (a_ref + w^2 (p_ref - p) + 2 z w (v_ref - v) - g)     wanted force
+    f = F . R e3                                                thrust: its part along the present attitude
     R_des from F and the heading,  e_R = Log(R' R_des)
 
-How force and attitude become thrust and torque: see `Quadrotor.steer`.
+`Quadrotor.steer` converts force and attitude to thrust and torque.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from nerfnav.robots.thrust import upward
 
 @dataclass(frozen=True)
 class TrackingConfig:
-    """How stiffly a reference is followed."""
+    """Gains of the controller."""
 
     frequency: float = 4.0
     """w: natural frequency of the position error [rad/s]; with steps of 0.1 s, more than about 5 rings."""
@@ -36,7 +36,7 @@ class TrackingConfig:
 
 @dataclass(frozen=True)
 class Reference:
-    """Where a robot shall be at times 0, dt, .. N dt and a few beyond."""
+    """Reference: position and heading at times 0, dt, .. N dt and a few beyond."""
 
     position: Float[Tensor, "times 3"]
     """[m]"""
@@ -46,7 +46,8 @@ class Reference:
     """[s]"""
 
     def at(self, step: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Position, velocity and acceleration as the Euler steps have them, and heading; at rest beyond the end."""
+        """Return position, velocity and acceleration as the Euler steps have them, and heading; at rest beyond the
+        end."""
         now, soon, later = (self.position[min(step + k, len(self.position) - 1)] for k in range(3))
         velocity, next_velocity = (soon - now) / self.dt, (later - soon) / self.dt
         return now, velocity, (next_velocity - velocity) / self.dt, self.yaw[min(step, len(self.yaw) - 1)]
@@ -55,7 +56,7 @@ class Reference:
 def track(
     robot: Quadrotor, start: RigidState, reference: Reference, steps: int, config: TrackingConfig | None = None
 ) -> Motion:
-    """The motion over `steps` steps of a robot that starts at `start` and follows `reference` as well as it can."""
+    """Roll out `steps` steps of a robot that starts at `start` and follows `reference` as well as it can."""
     config = TrackingConfig() if config is None else config
     states, actions = [start], []
     for step in range(steps):
@@ -67,7 +68,7 @@ def track(
 def control(
     robot: Quadrotor, state: RigidState, reference: Reference, step: int, config: TrackingConfig
 ) -> Float[Tensor, "4"]:
-    """Thrust [N] and torque [N m] at a time step."""
+    """Compute thrust [N] and torque [N m] at a time step."""
 
     def wish(at: RigidState, ahead: int) -> tuple[Tensor, Tensor]:
         force = wanted_force(robot, at, reference, step + ahead, config)
@@ -79,7 +80,7 @@ def control(
 def wanted_force(
     robot: Quadrotor, state: RigidState, reference: Reference, step: int, config: TrackingConfig
 ) -> Float[Tensor, "3"]:
-    """F [N], kept upward."""
+    """Compute F [N], kept upward."""
     position, velocity, acceleration, _ = reference.at(step)
     pull = config.frequency**2 * (position - state.position)
     brake = 2 * config.damping * config.frequency * (velocity - state.velocity)
@@ -89,7 +90,8 @@ def wanted_force(
 
 
 def attitude_for(force: Float[Tensor, "3"], yaw: Float[Tensor, ""]) -> Float[Tensor, "3 3"]:
-    """The attitude whose z axis points along a force that is not level, and whose x axis heads for `yaw` [rad]."""
+    """Return the attitude whose z axis points along a force that is not level, and whose x axis heads for `yaw`
+    [rad]."""
     up = force / force.norm()
     ahead = torch.stack([torch.cos(yaw), torch.sin(yaw), torch.zeros_like(yaw)])
     left = torch.linalg.cross(up, ahead)

@@ -5,11 +5,10 @@
                 at both ends
 
 (Mellinger and Kumar, "Minimum snap trajectory generation and control for quadrotors", ICRA 2011; solved as one
-linear system for the optimum's KKT conditions, as Richter, Bry and Roy, 2013, suggest.) Nothing in it knows of
-obstacles but the waypoints: between them the curve swings out as smoothness asks.
+linear system for the optimum's KKT conditions, as Richter, Bry and Roy, 2013, suggest.) Only the waypoints avoid
+obstacles: between them the curve swings out as smoothness asks.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,7 +33,7 @@ from nerfnav.planner.space.astar import (
 )
 from nerfnav.planner.space.ends import check_ends
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanResult
 
 _TERMS, _SNAP = 8, 4
 """Coefficients of a polynomial of degree 7; the derivative that is minimised and up to which curves are continuous."""
@@ -42,28 +41,28 @@ _TERMS, _SNAP = 8, 4
 
 @dataclass(frozen=True)
 class MinSnapConfig:
-    """How a path becomes a minimum-snap trajectory."""
+    """Settings of minimum-snap trajectories along a path."""
 
     tolerance: float | None = None
-    """How far from the path the straight lines between its turning points may lie [m]; None: one and a half voxels of
-    the map. Fewer points give calmer curves that cut corners."""
+    """Largest distance from the path of the straight lines between its turning points [m]; None: one and a half voxels
+    of the map. Fewer points give calmer curves that cut corners."""
     time_steps: int = 30
     """Steps of the search for better times at the turning points; 0 keeps those of easing along the path."""
     weights: CostWeights = field(default_factory=CostWeights)
-    """What the terms of J weigh; J is reported only."""
+    """Weights of the terms of J, which is reported only."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
-    """How the field becomes a map for A*."""
+    """Settings of the occupancy map for A*."""
 
     @property
     def iterations(self) -> int:
-        """One linear system."""
+        """Return 1: one linear system."""
         return 1
 
 
 def plan_minimum_snap(
     problem: PlanProblem, config: MinSnapConfig | None = None, occupancy: OccupancyMap | None = None
-) -> Iterator[PlanStep]:
-    """Plan from scratch; yields one step, with the outcome.
+) -> PlanResult:
+    """Plan from scratch.
 
     `occupancy` saves making the map again where the caller has it. Raises InvalidInputError, OutsideBoxError or
     OccupiedError for ends that cannot be planned between.
@@ -79,7 +78,7 @@ def plan_minimum_snap(
     corners = turning_points(path, tolerance)
     times = arrival_times(corners, problem.steps, problem.dt)
     times = best_times(corners, times, _with_no_turn(start.velocity, corners), config.time_steps)
-    yield through(problem, corners, times, config, PlanOutcome.CONVERGED if paths else PlanOutcome.NO_PATH)
+    return through(problem, corners, times, config, PlanOutcome.CONVERGED if paths else PlanOutcome.NO_PATH)
 
 
 def through(
@@ -88,7 +87,7 @@ def through(
     times: Float[Tensor, " knots"],
     config: MinSnapConfig,
     outcome: PlanOutcome,
-) -> PlanStep:
+) -> PlanResult:
     """The robot's motion along the minimum-snap curve through points [m] at times [s], begun a little late.
 
     Points may have the heading [rad] as a fourth number. A robot that must tilt before it can turn glides on
@@ -193,10 +192,10 @@ def turning_points(path: Float[Tensor, "n c"], tolerance: float) -> Float[Tensor
     """
     if len(path) <= 2:
         return path
-    way = scale_headings(path)
-    line = way[-1] - way[0]
-    share = ((way - way[0]) @ line / line.square().sum().clamp_min(1e-12)).clamp(0, 1)
-    distance = (way - way[0] - share[:, None] * line).norm(dim=-1)
+    scaled = scale_headings(path)
+    line = scaled[-1] - scaled[0]
+    share = ((scaled - scaled[0]) @ line / line.square().sum().clamp_min(1e-12)).clamp(0, 1)
+    distance = (scaled - scaled[0] - share[:, None] * line).norm(dim=-1)
     farthest = int(distance.argmax())
     if distance[farthest] <= tolerance:
         return path[[0, -1]]
@@ -205,7 +204,7 @@ def turning_points(path: Float[Tensor, "n c"], tolerance: float) -> Float[Tensor
 
 
 def arrival_times(points: Float[Tensor, "knots c"], steps: int, dt: float) -> Float[Tensor, " knots"]:
-    """When a robot that eases along the lines between points reaches each of them [s]."""
+    """Compute the times at which a robot that eases along the lines between points reaches each of them [s]."""
     reached = np.concatenate([[0.0], np.cumsum(lengths(points).double().numpy())])
     share = reached / max(reached[-1], 1e-12)
     time = np.interp(share, ease(steps).double().numpy(), np.arange(steps + 1) * dt)

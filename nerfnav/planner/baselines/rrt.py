@@ -1,12 +1,10 @@
 """RRT on the mesh of a field: a ball grown through free space, then flown along by a controller; a baseline.
 
 (LaValle, "Rapidly-exploring random trees", 1998, as implemented in OMPL.) The mesh is the field's level set by
-marching cubes, so that this planner, too, knows nothing but the field. `BallCheck` tells whether a ball fits between
-its triangles.
+marching cubes, so that this planner, too, has nothing but the field. `BallCheck` checks that a ball fits between its
+triangles.
 """
 
-
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any
@@ -29,7 +27,7 @@ from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.astar import smooth_path, waypoints_along
 from nerfnav.planner.space.ends import check_ends
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanResult
 from nerfnav.planner.trajectory import motion_of
 from nerfnav.robots import Motion, Quadrotor, Robot
 
@@ -38,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class BallCheck:
-    """Whether a ball of one radius is clear of a closed mesh whose triangles face outwards.
+    """Check of a ball of one radius against a closed mesh whose triangles face outwards.
 
     The nearest triangle's middle decides nearly always; the few balls that are about as near as triangles are large
     are measured against the triangles themselves.
@@ -56,7 +54,7 @@ class BallCheck:
             self._tree = scipy.spatial.KDTree(self._centers)
 
     def fits(self, point: np.ndarray) -> bool:
-        """Whether the ball at `point` (3,) [m] is outside of the mesh and clear of every triangle."""
+        """Return True if the ball at `point` (3,) [m] is outside of the mesh and clear of every triangle."""
         if self._tree is None:
             return True
         distance, nearest = self._tree.query(point)
@@ -76,7 +74,7 @@ class BallCheck:
 
 
 _LEAVING, _LEAVING_STEP = 2.2, 0.275
-"""How far from an end a place for the ball is looked for, and how finely, in radii of the ball."""
+"""Distance from an end within which a place for the ball is searched, and step of that search, in radii of the ball."""
 _BRANCH, _CHECKS = 2.7, 0.135
 """Longest branch, and distance of the points at which one is checked, in radii of the ball: 20 cm and 1 cm for the
 paper's robot."""
@@ -84,10 +82,10 @@ paper's robot."""
 
 @dataclass(frozen=True)
 class RRTConfig:
-    """How a tree is grown."""
+    """Settings of the growth of a tree."""
 
     seed: int = 1
-    """Of the tree's random points, at least 1."""
+    """Seed of the tree's random points, at least 1."""
     time_limit: float = 5.0
     """Longest search [s]."""
     reach: float | None = None
@@ -101,15 +99,15 @@ class RRTConfig:
     mesh_level: float | None = None
     """Density of the mesh's surface [1/m], above which a place counts as occupied; None: as on maps."""
     weights: CostWeights = field(default_factory=CostWeights)
-    """What the terms of J weigh; J is reported only."""
+    """Weights of the terms of J, which is reported only."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
-    """How the field becomes a map on which start and goal are checked."""
+    """Settings of the occupancy map on which start and goal are checked."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
-    """How the path is followed."""
+    """Settings of the controller."""
 
     @property
     def iterations(self) -> int:
-        """One tree."""
+        """Return 1: one tree."""
         return 1
 
 
@@ -118,8 +116,8 @@ def plan_rrt(
     config: RRTConfig | None = None,
     occupancy: OccupancyMap | None = None,
     check: BallCheck | None = None,
-) -> Iterator[PlanStep]:
-    """Plan from scratch; yields one step with the motion that the controller flew, which nearly ends at the goal.
+) -> PlanResult:
+    """Plan from scratch; return the motion that the controller flew, which nearly ends at the goal.
 
     `occupancy` and `check` save making them again where the caller has them.
 
@@ -139,13 +137,12 @@ def plan_rrt(
     if path is None:
         straight = torch.stack([problem.start.position, problem.goal.position])
         waypoints = waypoints_along(straight, problem.start, problem.goal, problem.steps)
-        yield plan_along(problem, waypoints, config.weights, PlanOutcome.TIME_LIMIT)
-        return
-    yield fly_along(problem, path, config)
+        return plan_along(problem, waypoints, config.weights, PlanOutcome.TIME_LIMIT)
+    return fly_along(problem, path, config)
 
 
-def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfig) -> PlanStep:
-    """What becomes of a path [m] when the robot eases along it, its corners rounded as those of A* are.
+def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfig) -> PlanResult:
+    """Ease along a path [m], its corners rounded as those of A* are.
 
     Around the bare corners of a tree the controller would need 20 times the effort.
     """
@@ -159,7 +156,7 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
 
 @singledispatch
 def follow(robot: Robot, problem: PlanProblem, waypoints: Float[Tensor, "times 4"], config: TrackingConfig) -> Motion:
-    """The motion of a robot along waypoints; of one without a controller, that of its flatness map."""
+    """Follow waypoints; a robot without a controller moves as its flatness map says."""
     free = robot.encode(waypoints, problem.start, problem.goal, problem.dt)
     return motion_of(robot, free, problem.route).detach()
 
@@ -171,7 +168,7 @@ def _(robot: Quadrotor, problem: PlanProblem, waypoints: Float[Tensor, "times 4"
 
 
 def ball_check(field: Field, robot: Robot, config: RRTConfig) -> BallCheck:
-    """Whether a ball around the robot touches the field's surface; takes longer to make than most searches."""
+    """Make the check of a ball around the robot against the field's surface; it takes longer than most searches."""
     scales = config.occupancy.scales(field, robot.body)
     spacing = 0.5 * scales.voxel if config.mesh_spacing is None else config.mesh_spacing
     level = scales.threshold if config.mesh_level is None else config.mesh_level
@@ -181,9 +178,9 @@ def ball_check(field: Field, robot: Robot, config: RRTConfig) -> BallCheck:
 def grow(
     check: BallCheck, box: Box, start: Float[Tensor, "3"], goal: Float[Tensor, "3"], config: RRTConfig
 ) -> Float[Tensor, "n 3"] | None:
-    """A path [m] of a ball's centre from start to goal; None where none was found in time.
+    """Search a path [m] of a ball's centre from start to goal; None where none was found in time.
 
-    An end that is nearer to a surface than the ball is large is left on the shortest way to where the ball fits.
+    An end that is nearer to a surface than the ball is large is left on the shortest line to where the ball fits.
     """
     if config.seed < 1:
         raise InvalidInputError(f"the seed of a tree must be 1 or more, not {config.seed}")
@@ -197,7 +194,7 @@ def grow(
 
 
 def room_near(check: BallCheck, box: Box, point: Float[Tensor, "3"]) -> np.ndarray | None:
-    """The nearest point at which the ball fits [m]; None where there is none within reach."""
+    """Find the nearest point at which the ball fits [m]; None where there is none within reach."""
     center = point.double().numpy()
     reach = round(_LEAVING / _LEAVING_STEP)
     axis = check.radius * _LEAVING_STEP * np.arange(-reach, reach + 1)
@@ -211,7 +208,8 @@ def room_near(check: BallCheck, box: Box, point: Float[Tensor, "3"]) -> np.ndarr
 
 
 def _for_centers(check: BallCheck, box: Box) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
-    """Where the ball's centre may be so that all of it is in the box (see terms.py): lower and upper corner [m]."""
+    """Shrink the box to the places of the ball's centre with all of it inside (see space/border.py): lower and upper
+    corner [m]."""
     return box.lower + check.radius, box.upper - check.radius
 
 

@@ -8,14 +8,13 @@ Cholesky. Rotations V make the rows of V A orthogonal: V A = S U with S diagonal
 library's eigenvectors would come from a pool of threads that wait for each other.
 """
 
-
 import math
 
 import numpy as np
 
 from nerfnav.core.jit import kernel
-from nerfnav.geometry.kernels.linear import root_of
-from nerfnav.planner.kernels.quadrotor import danger_at, effort_at, gradient_at, room_for
+from nerfnav.geometry.linear import root_of
+from nerfnav.planner.kernels.quadrotor import collision_and_risk_at, effort_at, gradient_at, room_for
 
 
 @kernel()
@@ -117,7 +116,7 @@ def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
         if not _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
             if fresh:
                 return at, True, fresh
-            inverse[:], fresh = first, True  # what was learned of the curvature misleads: forget it
+            inverse[:], fresh = first, True  # the estimated curvature misleads: drop it
             continue
         at, fresh = at + 1, False
         now = _total(trace[2], at)
@@ -139,12 +138,12 @@ def _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
     direction, step, change, along = scratch
     slope, longest = 0.0, 0.0
     for i in range(free.shape[0]):
-        way = 0.0
+        down = 0.0
         for j in range(free.shape[0]):
-            way -= inverse[i, j] * gradient[j]
-        direction[i] = way
-        slope += way * gradient[i]
-        longest = max(longest, abs(way) / reach[i])
+            down -= inverse[i, j] * gradient[j]
+        direction[i] = down
+        slope += down * gradient[i]
+        longest = max(longest, abs(down) / reach[i])
     if not slope < 0.0:
         return False
     lengths = (_total(trace[2], at), slope, min(1.0, 1.0 / longest))
@@ -181,8 +180,8 @@ def _search_along(trace, at, direction, lengths, parts, rule, room):
     """Backtracking on Armijo's rule; fills the next row of the trace with where it ends, and says whether J fell.
 
     `lengths` is (J, slope, first length), `rule` (share of the slope, least and largest factor between two tries,
-    tries). The field is not asked where effort alone, of J's parts none of which is below 0, says that the least factor
-    comes next; the gradient is made of the point that is taken.
+    tries). The field is not evaluated where effort alone, of J's parts none of which is below 0, says that the least
+    factor comes next; the gradient is made of the point that is taken.
     """
     task, body, space, weights = parts
     total, slope, length = lengths
@@ -195,7 +194,7 @@ def _search_along(trace, at, direction, lengths, parts, rule, room):
         if _share(terms[1] + terms[2] - total, slope, length) <= low:
             length *= low
             continue
-        terms[0], terms[3] = danger_at(body, space, weights, room)
+        terms[0], terms[3] = collision_and_risk_at(body, space, weights, room)
         gain = terms[0] + terms[1] + terms[2] + terms[3] - total
         if gain <= armijo * length * slope:
             gradient_at(tried, task, room, gradient)
@@ -207,8 +206,8 @@ def _search_along(trace, at, direction, lengths, parts, rule, room):
 
 @kernel(inline=True)
 def _share(gain, slope, length):
-    """Where the parabola through J, its slope and what it has gained at a length is least, as a share of the length;
-    the larger the gain, the smaller."""
+    """Find the minimum of the parabola through J, its slope and its gain at a length, as a share of the length; the
+    larger the gain, the smaller."""
     if gain <= slope * length:
         return math.inf
     return -0.5 * slope * length / (gain - slope * length)

@@ -5,8 +5,8 @@ through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at
 which densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
-`interpolate_chance` asks for, its `by_way`, and the body's half edges for `outside`); `weights` those of collision,
-limits, leaving the box and risk.
+`interpolate_chance` asks for, its `by_distance`, and the body's half edges for `outside`); `weights` those of
+collision, limits, leaving the box and risk.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
-from nerfnav.planner.kernels.terms import STANDSTILL, control, endangered, outside
+from nerfnav.planner.kernels.terms import STANDSTILL, control, outside, risk
 from nerfnav.robots.kernels.quadrotor import adjoint, limits, motion
 
 
@@ -45,7 +45,7 @@ def density_between(values, scale, x, y, z):
 
 @kernel(inline=True)
 def _place(position, rotation, points, space, nodes):
-    """Fill where body points (3, B) are at a position and an attitude, in nodes of the grid (3, B)."""
+    """Place body points (3, B) at a position and an attitude, in nodes of the grid (3, B)."""
     lower, per_meter = space[2], space[3]
     for axis in range(3):
         times = float(per_meter[axis])
@@ -56,18 +56,18 @@ def _place(position, rotation, points, space, nodes):
 
 
 @kernel(inline=True)
-def _amid_something(leaps, before, way, fraction, cells, found):
+def _amid_something(leaps, before, moved, fraction, cells, found):
     """Fill `found` (B) with the points that are in cells with something in them at a fraction of their step; returns
     how many there are.
 
     First the cell of each point, -1 outside of the grid, in floating point and without branches, so that several are
-    done at once; then which of them count, again without branches, which nobody could foresee.
+    done at once; then those of them that count, again without branches, which no processor could predict.
     """
     nx, ny, nz = float(leaps.shape[0]), float(leaps.shape[1]), float(leaps.shape[2])
     for b in range(cells.shape[0]):
-        x = before[0, b] + fraction * way[0, b]
-        y = before[1, b] + fraction * way[1, b]
-        z = before[2, b] + fraction * way[2, b]
+        x = before[0, b] + fraction * moved[0, b]
+        y = before[1, b] + fraction * moved[1, b]
+        z = before[2, b] + fraction * moved[2, b]
         inside = (x >= 0.0) & (x <= nx) & (y >= 0.0) & (y <= ny) & (z >= 0.0) & (z <= nz)
         i, j, k = min(np.floor(x), nx - 1.0), min(np.floor(y), ny - 1.0), min(np.floor(z), nz - 1.0)
         cells[b] = (i * ny + j) * nz + k if inside else -1.0
@@ -81,12 +81,13 @@ def _amid_something(leaps, before, way, fraction, cells, found):
 
 @kernel()
 def collide(position, rotation, body, space, weight, by_position, by_rotation):
-    """`weight` times the collision term; adds its derivatives: `spread` and `collision` with nothing in between."""
+    """`weight` times the collision term; adds its derivatives: `place_points` and `collision` with nothing in
+    between."""
     points, fractions = body
     values, leaps, _, per_meter, scale = space[:5]
     count, parts, total = points.shape[0], fractions.shape[0], 0.0
     columns, before, after = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
-    way = np.empty((3, count))
+    moved = np.empty((3, count))
     cells, found, sums = np.empty(count), np.empty(count + 1, np.int64), np.zeros((count, 7))
     for b in range(count):
         for axis in range(3):
@@ -97,13 +98,13 @@ def collide(position, rotation, body, space, weight, by_position, by_rotation):
         _place(position[t], rotation[t], columns, space, after)
         for axis in range(3):
             for b in range(count):
-                way[axis, b] = after[axis, b] - before[axis, b]
+                moved[axis, b] = after[axis, b] - before[axis, b]
         meets = False
         for k in range(parts):
             f = fractions[k]
-            for hit in range(_amid_something(leaps, before, way, f, cells, found)):
+            for hit in range(_amid_something(leaps, before, moved, f, cells, found)):
                 b = found[hit]
-                x, y, z = before[0, b] + f * way[0, b], before[1, b] + f * way[1, b], before[2, b] + f * way[2, b]
+                x, y, z = before[0, b] + f * moved[0, b], before[1, b] + f * moved[1, b], before[2, b] + f * moved[2, b]
                 density, gx, gy, gz = density_between(values, scale, x, y, z)
                 if density > 0.0:
                     meets = True
@@ -112,7 +113,7 @@ def collide(position, rotation, body, space, weight, by_position, by_rotation):
             met = sums[b, 0]
             if met == 0.0:
                 continue
-            dx, dy, dz = way[0, b] / per_meter[0], way[1, b] / per_meter[1], way[2, b] / per_meter[2]
+            dx, dy, dz = moved[0, b] / per_meter[0], moved[1, b] / per_meter[1], moved[2, b] / per_meter[2]
             travelled = math.sqrt(STANDSTILL + dx * dx + dy * dy + dz * dz)
             total += weight * met * travelled
             along, times = weight * met / travelled, weight * travelled
@@ -169,16 +170,16 @@ def effort_at(free, task, body, space, weights, room):
 
 
 @kernel()
-def danger_at(body, space, weights, room):
+def collision_and_risk_at(body, space, weights, room):
     """Collision and risk of J of the motion in the room; adds their derivatives.
 
-    With weights of 0 nothing is asked of the field.
+    With weights of 0 the field is not evaluated.
     """
     (position, _, rotation, _, action), (by_position, by_rotation, _) = room
     met, risked = 0.0, 0.0
     if weights[3] != 0.0:
-        way = position[: action.shape[0] + 1]
-        risked = endangered(way, rotation, body[1], space[7], space[8], weights[3], by_position, by_rotation)
+        path = position[: action.shape[0] + 1]
+        risked = risk(path, rotation, body[1], space[7], space[8], weights[3], by_position, by_rotation)
     if weights[0] != 0.0:
         met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
     return met, risked
@@ -198,7 +199,7 @@ def evaluate(free, task, body, space, weights, gradient):
     """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k)."""
     room = room_for(free.shape[0])
     effort, over = effort_at(free, task, body, space, weights, room)
-    met, risked = danger_at(body, space, weights, room)
+    met, risked = collision_and_risk_at(body, space, weights, room)
     gradient_at(free, task, room, gradient)
     return met, effort, over, risked
 
@@ -209,7 +210,7 @@ def evaluate_motion(motion, task, body, space, weights):
     times, steps = motion[0].shape[0], motion[4].shape[0]
     room = motion, (np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4)))
     effort, over = _effort(room[0], room[1], task, space, weights)
-    met, risked = danger_at(body, space, weights, room)
+    met, risked = collision_and_risk_at(body, space, weights, room)
     return met, effort, over, risked
 
 

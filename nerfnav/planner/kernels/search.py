@@ -1,13 +1,12 @@
 """A* on a grid of prices (Hart, Nilsson, Raphael, 1968), 26 neighbours and turns, a binary heap with lazy deletion.
 
-What is left to the goal is guessed by the straight line; on a large map by the cheapest way on one CLUSTER times as
-coarse, found backwards from the goal first: around a long wall the straight line would have half of a hall searched.
+The heuristic is the straight line; on a large map it is the cheapest path on one CLUSTER times as coarse, found
+backwards from the goal first: around a long wall the straight line would have half of a hall searched.
 
 The binary heap (Williams, 1964) is two arrays, keys (n) and nodes (n), of which the first `size` entries are in it;
-the least is entry 0. A list of tuples would be asked for its type at each step. Of equal keys the least node comes
+the least is entry 0. A list of tuples would have its type checked at each step. Of equal keys the least node comes
 first, so that the order in which entries come out depends on nothing but what is in it.
 """
-
 
 import math
 
@@ -62,7 +61,7 @@ def grown(heap):
 CLUSTER = 4
 """Voxels along each edge of a voxel of the coarse map."""
 _SLACK = 2.0 * CLUSTER * math.sqrt(3.0)
-"""By how much less than on the coarse map what is left may cost: a voxel's edge to edge at both ends."""
+"""Largest excess of the coarse map's cost over the true one: a voxel's edge to edge at both ends."""
 _CLOSED, _MOVE = 128, 127
 _ROOM, _MOST_MOVES = 4096, 28
 """Entries that a queue has room for at first, and that a node may add to it."""
@@ -70,12 +69,12 @@ _ROOM, _MOST_MOVES = 4096, 28
 
 @kernel()
 def cheapest_path(prices, guide, room, ends, turn, greed):
-    """Nodes (n, 4), heading and voxel, of the cheapest way between the two `ends`, both included; n = 0: there is none.
+    """Search the cheapest path between two `ends`: nodes (n, 4), heading and voxel, both ends included; n = 0: none.
 
     `prices` (m, nx, ny, nz) are for m headings over half a turn, and a full turn has 2 m; with m = 1 headings do not
     matter. A move costs its length, in voxels, times the mean price of its two voxels; to turn by one heading costs
     `turn`. Prices are at least 1, so that the straight distance never overestimates; infinite prices are walls. The
-    distance ahead counts `greed` times: with more than 1 far fewer voxels are looked at, and the way costs at most
+    distance ahead counts `greed` times: with more than 1 far fewer voxels are looked at, and the path costs at most
     `greed` times the least (Pohl, 1970).
 
     `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), any float64 and a zero uint8 for each heading
@@ -145,7 +144,7 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
 
 @kernel(inline=True)
 def _moves(ny, nz):
-    """By how much a node's number changes with each of the 27 moves, and half of their lengths [voxels]."""
+    """Return the change of a node's number by each of the 27 moves, and half of their lengths [voxels]."""
     offsets, lengths = np.empty(27, np.int64), np.empty(27)
     for move in range(27):
         x, y, z = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
@@ -155,7 +154,7 @@ def _moves(ny, nz):
 
 @kernel(inline=True)
 def _ahead(guide, i, j, k, goal):
-    """What is left from a voxel to the goal, turns left out."""
+    """Estimate the cost from a voxel to the goal, without turns."""
     straight = math.sqrt((i - goal[1]) ** 2 + (j - goal[2]) ** 2 + (k - goal[3]) ** 2)
     if guide.shape[0] == 0:
         return straight
@@ -164,7 +163,7 @@ def _ahead(guide, i, j, k, goal):
 
 @kernel(inline=True)
 def _trace(moves, ends, shape, around):
-    """The way between the ends, by the moves that led there; empty where the last was never reached."""
+    """Trace the path between the ends by the moves that led there; empty where the last was never reached."""
     first, last = ends
     nx, ny, nz = shape
     layer = nx * ny * nz
@@ -184,7 +183,7 @@ def _trace(moves, ends, shape, around):
 
 @kernel(inline=True)
 def _before(move, node, ny, nz, layer, around):
-    """The node that a move led here from."""
+    """Return the node from which a move led here."""
     if move >= 28:
         heading = (node // layer + (1 if move == 28 else -1) + around) % around
         return heading * layer + node % layer
@@ -194,10 +193,10 @@ def _before(move, node, ny, nz, layer, around):
 
 @kernel()
 def costs_to(prices, goal):
-    """What is left from each voxel of the coarse map (cx, cy, cz), in fine voxels, to the one of the goal (4).
+    """Compute the cost from each voxel of the coarse map (cx, cy, cz), in fine voxels, to the one of the goal (4).
 
-    A coarse voxel costs as little as the cheapest of its fine ones with any heading, so that little more than what is
-    really left is never told; infinite where the goal cannot be reached (Dijkstra, 1959).
+    A coarse voxel costs as little as the cheapest of its fine ones with any heading, so that the true cost is never
+    overestimated by much; infinite where the goal cannot be reached (Dijkstra, 1959).
     """
     m, nx, ny, nz = prices.shape
     sx, sy, sz = (nx + CLUSTER - 1) // CLUSTER, (ny + CLUSTER - 1) // CLUSTER, (nz + CLUSTER - 1) // CLUSTER

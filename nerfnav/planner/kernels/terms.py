@@ -7,7 +7,6 @@ Risk: the chance of a collision is trilinear between the nodes of a grid, linear
 several, and 0 outside of the grid; one grid for each of the first steps and one for all later ones.
 """
 
-
 import math
 
 from nerfnav.core.jit import kernel
@@ -48,7 +47,7 @@ STANDSTILL = 1e-12
 
 
 @kernel()
-def spread(position, rotation, points_body, fractions, world, samples):
+def place_points(position, rotation, points_body, fractions, world, samples):
     """Fill world (N + 1, B, 3), the body points, and samples (N, B, K, 3), where densities are to be taken."""
     times, count = world.shape[0], world.shape[1]
     for t in range(times):
@@ -64,15 +63,15 @@ def spread(position, rotation, points_body, fractions, world, samples):
         for b in range(count):
             for k in range(fractions.shape[0]):
                 for axis in range(3):
-                    way = world[t + 1, b, axis] - world[t, b, axis]
-                    samples[t, b, k, axis] = world[t, b, axis] + fractions[k] * way
+                    moved = world[t + 1, b, axis] - world[t, b, axis]
+                    samples[t, b, k, axis] = world[t, b, axis] + fractions[k] * moved
 
 
 @kernel()
 def collision(rotation, points_body, fractions, world, density, slope, weight, by_position, by_rotation):
     """`weight` times the collision term; adds its derivatives by position and attitude (in its tangent).
 
-    density (N, B, K) [1/m] and slope (N, B, K, 3), its gradient, belong to the samples of `spread`.
+    density (N, B, K) [1/m] and slope (N, B, K, 3), its gradient, belong to the samples of `place_points`.
     """
     total = 0.0
     steps, count, parts = density.shape
@@ -91,8 +90,8 @@ def collision(rotation, points_body, fractions, world, density, slope, weight, b
             for end in range(2):
                 by = (0.0, 0.0, 0.0)
                 for axis in range(3):
-                    way = (world[t + 1, b, axis] - world[t, b, axis]) / travelled
-                    part = met * (way if end == 1 else -way)
+                    moved = (world[t + 1, b, axis] - world[t, b, axis]) / travelled
+                    part = met * (moved if end == 1 else -moved)
                     for k in range(parts):
                         share = fractions[k] if end == 1 else 1.0 - fractions[k]
                         part += travelled * share * slope[t, b, k, axis] / parts
@@ -120,7 +119,7 @@ def control(action, gamma, by_action):
 
 @kernel(inline=True)
 def _between(chances, i, j, k, x, y, z):
-    """The chance at a place in the cell (i, j, k), and its gradient [1 / node]."""
+    """Interpolate the chance in the cell (i, j, k), and its gradient [1 / node]."""
     edge00, slope00 = chances[i, j, k], chances[i, j, k + 1] - chances[i, j, k]
     edge01, slope01 = chances[i, j + 1, k], chances[i, j + 1, k + 1] - chances[i, j + 1, k]
     edge10, slope10 = chances[i + 1, j, k], chances[i + 1, j, k + 1] - chances[i + 1, j, k]
@@ -134,9 +133,10 @@ def _between(chances, i, j, k, x, y, z):
 
 
 @kernel(inline=True)
-def interpolate_chance(danger, step, x, y, z, heading):
-    """The chance at a point of the world with a heading in a step, its gradient [1/m], and by the heading [1/rad]."""
-    layers, lower, per_meter = danger
+def interpolate_chance(grid, step, x, y, z, heading):
+    """Interpolate the chance at a point of the world with a heading in a step, its gradient [1/m], and by the
+    heading [1/rad]."""
+    layers, lower, per_meter = grid
     chances = layers[min(step, layers.shape[0] - 1)]
     headings, nx, ny, nz = chances.shape
     x, y, z = (x - lower[0]) * per_meter[0], (y - lower[1]) * per_meter[1], (z - lower[2]) * per_meter[2]
@@ -159,7 +159,7 @@ def interpolate_chance(danger, step, x, y, z, heading):
 
 @kernel(inline=True)
 def _heading(rotation):
-    """Where the x axis of R points, seen from above [rad]."""
+    """Return the heading of the x axis of R, seen from above [rad]."""
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
@@ -173,12 +173,12 @@ def _through_heading(rotation, by_heading, by_tangent):
 
 
 @kernel()
-def endangered(position, rotation, fractions, danger, by_way, weight, by_position, by_rotation):
+def risk(position, rotation, fractions, grid, by_distance, weight, by_position, by_rotation):
     """`weight` times the risk term of positions (N + 1, 3) and attitudes (N + 1, 3, 3); adds its derivatives.
 
-    With `by_way` [1/m] above 0, a step counts by its way times that, else once.
+    With `by_distance` [1/m] above 0, a step counts by its length times that, else once.
     """
-    total, parts, turns = 0.0, fractions.shape[0], danger[0].shape[1] > 1
+    total, parts, turns = 0.0, fractions.shape[0], grid[0].shape[1] > 1
     heading, turn = 0.0, 0.0
     for t in range(position.shape[0] - 1):
         x, y, z = position[t, 0], position[t, 1], position[t, 2]
@@ -190,7 +190,7 @@ def endangered(position, rotation, fractions, danger, by_way, weight, by_positio
         for k in range(parts):
             f = fractions[k]
             chance, gx, gy, gz, gh = interpolate_chance(
-                danger, t, x + f * dx, y + f * dy, z + f * dz, heading + f * turn
+                grid, t, x + f * dx, y + f * dy, z + f * dz, heading + f * turn
             )
             met += chance / parts
             sx, sy, sz, sh = sx + gx / parts, sy + gy / parts, sz + gz / parts, sh + gh / parts
@@ -198,9 +198,9 @@ def endangered(position, rotation, fractions, danger, by_way, weight, by_positio
         if met == 0.0:
             continue
         times, along = weight, 0.0
-        if by_way > 0.0:
+        if by_distance > 0.0:
             travelled = math.sqrt(STANDSTILL + dx * dx + dy * dy + dz * dz)
-            times, along = weight * by_way * travelled, weight * by_way * met / travelled
+            times, along = weight * by_distance * travelled, weight * by_distance * met / travelled
         total += times * met
         last = (times * tx + along * dx, times * ty + along * dy, times * tz + along * dz)
         by_position[t, 0] += times * sx - last[0]

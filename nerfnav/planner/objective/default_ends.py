@@ -1,4 +1,4 @@
-"""Default start and goal: propose two free poses in one component of free space, joined by a path that was found.
+"""Default start and goal: propose two free poses with a path between them, from which the camera sees something.
 
 Candidates are voxels of the component, drawn at random. Of their pairs those are best that are as far apart as suits
 robot and place, that have something solid between them, and from which a camera sees something: a robot that flies by
@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from nerfnav.field import Field, density_and_gradient
 from nerfnav.geometry import so3
-from nerfnav.planner.risk.tracking_error import PAPER_NOISE
 from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
 from nerfnav.planner.space.border import holds_level
 from nerfnav.planner.space.ends import fits
@@ -23,49 +22,49 @@ from nerfnav.planner.space.occupancy import OccupancyMap, dense_at
 from nerfnav.planner.space.regions import Region, free_regions, ground_regions
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav.planner.visibility import measure_visibility
-from nerfnav.robots import RigidState, Robot
+from nerfnav.robots import PAPER_NOISE, RigidState, Robot
 
 Pair = tuple[RigidState, RigidState]
 
 _ALONG = 32
 """Densities taken between the two of a pair."""
 _NEAREST = 0.6
-"""Least distance of a pair, in that which is wanted."""
+"""Least distance of a pair, as a share of the wanted one."""
 _SAFE = 0.05
-"""Bound on the probability of a collision along a way with which no better one is looked for."""
+"""Bound on the probability of a collision along a path with which no better one is searched."""
 _LIKELY = 0.4
-"""Bound with which there is no way to speak of."""
+"""Bound from which on a path does not count."""
 _CRAMPED = 0.39
-"""Most that it may come to by what noise does at the ends: a place without room has ends all the same."""
+"""Largest bound with the noise at the ends included: a place without room has ends all the same."""
 _PUSHED = 3.0
 """Standard deviations of noise by which robots are pushed to see what they would touch at an end."""
 
 
 @dataclass(frozen=True)
 class ProposedEndsConfig:
-    """What suits a robot."""
+    """Distances that suit a robot, and effort of the search."""
 
     longest: float = 25.0
-    """Longest distance that is wanted [lengths of the body]."""
+    """Longest wanted distance [lengths of the body]."""
     shortest: float = 5.0
-    """Shortest one that is worth going [lengths of the body]."""
+    """Shortest useful distance [lengths of the body]."""
     share: float = 0.45
-    """Distance that is wanted, as a share of the place's horizontal diagonal."""
+    """Wanted distance, as a share of the place's horizontal diagonal."""
     candidates: int = 128
-    """How many voxels are drawn."""
+    """Number of voxels that are drawn."""
     headings: int = 8
-    """Into how many directions each looks."""
+    """Number of headings at which visibility is measured from each."""
     tried: int = 24
-    """For how many pairs, at most, a way is looked for."""
+    """Largest number of pairs for which a path is searched."""
     seed: int = 0
-    """Of the draw."""
+    """Seed of the draw."""
 
 
 def propose_ends(
     field: Field, matter: Field, robot: Robot, map_at: Callable[[float], OccupancyMap],
     config: ProposedEndsConfig | None = None,
 ) -> Pair | None:  # fmt: skip
-    """Two states at rest that a robot can plan between; None where it has no room.
+    """Propose two states at rest that a robot can plan between; None where it has no room.
 
     `field` is the one to plan in, `matter` the same as it was learned; `map_at` gives the map of free space, of one
     height [m] for a robot on the ground and of any for others.
@@ -85,16 +84,16 @@ def propose_ends(
 
 
 def path_between(occupancy: OccupancyMap, pair: Pair) -> Float[torch.Tensor, "n c"] | None:
-    """The shortest way that a search finds between two states, its rows as of `find_paths`; None where there is none.
+    """Search the shortest path between two states, its rows as of `find_paths`; None where there is none.
     """
-    ways = find_paths(occupancy, *pair, SearchConfig.single())
-    return ways[0] if ways else None
+    paths = find_paths(occupancy, *pair, SearchConfig.single())
+    return paths[0] if paths else None
 
 
 def _pair_in(
     region: Region, field: Field, matter: Field, robot: Robot, config: ProposedEndsConfig
 ) -> tuple[Pair | None, float]:
-    """The best pair of a region that fits, with its headings, and what the way between them risks."""
+    """Find the best pair of a region that fits, with its headings, and the risk of the path between them."""
     occupancy, rounding = region.occupancy, 10**region.occupancy.scales.decimals
     generator = np.random.default_rng(config.seed)
     cells = np.flatnonzero(region.inside)
@@ -124,19 +123,19 @@ def _pair_in(
 
 
 def _risk_at(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
-    """Share of the pushes along the axes, forth and back, that bring the body into something at either end."""
-    away = _PUSHED * PAPER_NOISE.noise[0] * torch.eye(3)[: 2 if robot.planar else 3]
+    """Compute the share of pushes along the axes, forth and back, that bring the body into something at either end."""
+    away = _PUSHED * PAPER_NOISE.process.position_m * torch.eye(3)[: 2 if robot.planar else 3]
     pushed = [replace(end, position=end.position + push) for end in pair for push in torch.cat([away, -away])]
     return sum(not fits(field, robot.body, state, occupancy.scales.threshold) for state in pushed) / len(pushed)
 
 
 def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
-    """Bound on the probability of a collision along the way that is found (Eq. 1), turning as the way does."""
-    way = path_between(occupancy, pair)
-    assert way is not None, "only pairs with a way between them are compared"
-    pieces = lengths(way[:, :3])
+    """Bound the probability of a collision along the path that is found (Eq. 1), with its turns."""
+    path = path_between(occupancy, pair)
+    assert path is not None, "only pairs with a path between them are compared"
+    pieces = lengths(path[:, :3])
     count = int(pieces.sum() / occupancy.scales.path_step) + 2
-    along = resample(way[:, :3], torch.linspace(0, 1, count))
+    along = resample(path[:, :3], torch.linspace(0, 1, count))
     ahead = along.diff(dim=0)
     yaws = torch.atan2(ahead[:, 1], ahead[:, 0]) if robot.planar else torch.zeros(len(ahead))
     points = torch.einsum("nij,bj->nbi", so3.from_yaw(yaws), robot.body.points_body) + along[1:, None]
@@ -145,7 +144,7 @@ def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMa
 
 
 def _distance_wanted(region: Region, field: Field, robot: Robot, config: ProposedEndsConfig) -> float:
-    """[m]"""
+    """Compute the wanted distance of a region [m]."""
     length = max(robot.body.extents[:2])
     diagonal = float(field.box.size[:2].norm())
     return max(config.shortest * length, min(config.share * diagonal, 0.7 * region.extent, config.longest * length))
@@ -155,7 +154,7 @@ def _ranked(
     points: Float[torch.Tensor, "n 3"], seen: Float[np.ndarray, "n h"], matter: Field, apart: float,
     config: ProposedEndsConfig,
 ) -> list[tuple[int, int]]:  # fmt: skip
-    """Pairs of candidates, the best first."""
+    """Rank pairs of candidates, the best first."""
     first, second = np.triu_indices(len(points), 1)
     difference = (points[second] - points[first]).numpy()
     distance = np.linalg.norm(difference, axis=-1)
@@ -178,27 +177,28 @@ def _with_headings(
     start: Float[torch.Tensor, "3"], goal: Float[torch.Tensor, "3"], seen: tuple[np.ndarray, np.ndarray],
     occupancy: OccupancyMap, robot: Robot,
 ) -> Pair | None:  # fmt: skip
-    """The two points with headings, if there is a way: along it for a robot on the ground, else to where most is seen.
+    """Give two points headings, if there is a path: along it for a robot on the ground, else to the best view.
     """
     level = RigidState.at_rest(_tuple(start), 0.0), RigidState.at_rest(_tuple(goal), 0.0)
-    way = path_between(occupancy, level)
-    if way is None:
+    path = path_between(occupancy, level)
+    if path is None:
         return None
-    yaws = _along(way[:, :3], occupancy.scales.width) if robot.planar else _toward_most(*seen)
+    yaws = _along(path[:, :3], occupancy.scales.width) if robot.planar else _toward_most(*seen)
     pair = RigidState.at_rest(_tuple(start), yaws[0]), RigidState.at_rest(_tuple(goal), yaws[1])
     return pair if not robot.planar or path_between(occupancy, pair) is not None else None
 
 
-def _along(way: Float[torch.Tensor, "n 3"], width: float) -> tuple[float, float]:
-    """The headings in which a way leaves and arrives, over three widths of the body [rad]."""
-    reached = torch.cat([torch.zeros(1), lengths(way).cumsum(0)])
-    leaves = way[int((reached < 3 * width).sum().clamp_max(len(way) - 1))] - way[0]
-    arrives = way[-1] - way[int((reached <= reached[-1] - 3 * width).sum().clamp_min(1)) - 1]
+def _along(path: Float[torch.Tensor, "n 3"], width: float) -> tuple[float, float]:
+    """Compute the headings in which a path leaves and arrives, over three widths of the body [rad]."""
+    reached = torch.cat([torch.zeros(1), lengths(path).cumsum(0)])
+    leaves = path[int((reached < 3 * width).sum().clamp_max(len(path) - 1))] - path[0]
+    arrives = path[-1] - path[int((reached <= reached[-1] - 3 * width).sum().clamp_min(1)) - 1]
     return tuple(round(float(torch.atan2(part[1], part[0])), 4) for part in (leaves, arrives))  # type: ignore[return-value]
 
 
 def _toward_most(start: np.ndarray, goal: np.ndarray) -> tuple[float, float]:
-    """The headings that see most [rad]; half a turn between them costs half of the most that is seen from either."""
+    """Choose the headings with the best views [rad]; half a turn between them costs half of the best view from
+    either."""
     count, most = len(start), max(start.max(), goal.max(), 1e-9)
     turn = np.arange(count)[None] - np.arange(count)[:, None]
     turn = np.abs((turn + count // 2) % count - count // 2) / (count / 2)

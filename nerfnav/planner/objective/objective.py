@@ -13,7 +13,6 @@ compiled flatness map like those of every other term. The map's adjoint takes no
 that looks at these is differentiated through the robot's own `motion` for them.
 """
 
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -40,14 +39,14 @@ from nerfnav.robots.quadrotor import QuadrotorMap
 
 @final
 class AutogradKernel:
-    """A term in the shape of a compiled one, in double precision."""
+    """Term by autograd in place of a compiled one, in double precision."""
 
     def __init__(self, term: CostTerm, context: TermContext, route: Route) -> None:
         """Differentiate a term for motions along a route."""
         self._term, self._context, self._route = term, context, route.to(torch.float64)
 
     def __call__(self, flat: FlatMap, by: Adjoint) -> float:
-        """See Kernel."""
+        """Implement Kernel."""
         arrays = (flat.position, flat.velocity, flat.rotation, flat.rate, flat.action)
         parts = [torch.from_numpy(array.copy()).requires_grad_() for array in arrays]
         value = self._term.cost(self._context, Motion(RigidState(*parts[:4]), parts[4], flat.dt)).double()
@@ -66,20 +65,20 @@ class AutogradKernel:
         return value.item()
 
     def _through_motion(self, at: np.ndarray, by_velocity: Tensor | None, by_rate: Tensor | None) -> np.ndarray:
-        """Derivative by the free numbers (k), from those by velocities and body rates."""
+        """Differentiate by the free numbers (k), from the derivatives by velocities and body rates."""
         free = torch.from_numpy(at.copy()).requires_grad_()
         states = motion_of(self._context.robot, free, self._route).states
         pairs = [(states.velocity, by_velocity), (states.body_rate, by_rate)]
-        asked = [(part, by) for part, by in pairs if by is not None and part.requires_grad]
-        if not asked:
+        needed = [(part, by) for part, by in pairs if by is not None and part.requires_grad]
+        if not needed:
             return np.zeros_like(at)
-        outputs, weights = zip(*asked, strict=True)
+        outputs, weights = zip(*needed, strict=True)
         (gradient,) = torch.autograd.grad(outputs, free, weights)
         return gradient.numpy()
 
 
 def _in_tangent(rotation: np.ndarray, by_matrix: np.ndarray) -> np.ndarray:
-    """Derivative in the tangents of attitudes (n, 3) from those by their matrices: <G, R [d]x> = g . d."""
+    """Convert derivatives by attitude matrices to those in their tangents (n, 3): <G, R [d]x> = g . d."""
     a = np.swapaxes(rotation, -1, -2) @ by_matrix
     return np.stack([a[:, 2, 1] - a[:, 1, 2], a[:, 0, 2] - a[:, 2, 0], a[:, 1, 0] - a[:, 0, 1]], -1)
 
@@ -92,11 +91,12 @@ search is left after a multiple of it."""
 
 @runtime_checkable
 class DensityGrid(Protocol):
-    """A field whose densities kernels find in a grid."""
+    """Field whose densities kernels find in a grid."""
 
     @property
     def density_grid(self) -> tuple[np.ndarray, ...]:
-        """Values, leaps, lower corner [m], nodes per metre, scale of densities, and both corners of the box [m]."""
+        """Return values, leaps, lower corner [m], nodes per metre, scale of densities, and both corners of the box
+        [m]."""
         ...
 
 
@@ -113,6 +113,16 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
+class Iterate:
+    """One point of a search."""
+
+    point: Evaluation
+    """J at this point."""
+    settled: bool
+    """True if J has settled there."""
+
+
+@dataclass(frozen=True)
 class LineSearch:
     """Backtracking (Nocedal and Wright, "Numerical Optimization", 2006, Alg. 3.1)."""
 
@@ -123,27 +133,39 @@ class LineSearch:
     high: float = 0.5
     """Largest factor."""
     tries: int = 12
-    """At most so many."""
+    """Largest number of tries."""
+
+
+@dataclass(frozen=True)
+class Settling:
+    """Rule by which J has settled, see NewtonConfig."""
+
+    patience: int
+    """Number of iterations that are compared."""
+    tolerance: float
+    """Share of J by which they must have improved it."""
+    least: float
+    """Value of J below which shares are taken of this instead [1]."""
 
 
 @dataclass(frozen=True)
 class SearchRule:
-    """What a compiled search asks for, see NewtonConfig."""
+    """Settings of a compiled search, see NewtonConfig."""
 
     iterations: int
-    """At most so many steps."""
+    """Largest number of steps."""
     line: LineSearch
-    """How long a step is."""
+    """Settings of the line search."""
     damping: float
     """Least share of the curvature that is expected along a step."""
-    settled: tuple[int, float, float]
-    """Patience, tolerance and least."""
+    settling: Settling
+    """Rule by which the search ends."""
 
     @property
     def numbers(self) -> tuple:
-        """As the kernel has them."""
-        line = self.line
-        return ((line.armijo, line.low, line.high, line.tries), self.damping, *self.settled)
+        """Return the numbers as the kernel takes them."""
+        line, end = self.line, self.settling
+        return (line.armijo, line.low, line.high, line.tries), self.damping, end.patience, end.tolerance, end.least
 
 
 @dataclass(frozen=True)
@@ -151,11 +173,11 @@ class FusedObjective:
     """J of a quadrotor in a grid."""
 
     parts: tuple
-    """What the kernels ask for: task, body, space, weights."""
+    """Arguments of the kernels: task, body, space, weights."""
 
     @classmethod
     def of(cls, context: TermContext, terms: Sequence[CostTerm], flat: FlatMap) -> "FusedObjective | None":
-        """J for a map between two ends; None where the kernels do not know all that it takes."""
+        """Make J for a map between two ends; None where the kernels do not have all that it takes."""
         field, weights = context.field, context.weights
         counted = len(terms) == len(_KNOWN) and all(any(term is known for term in terms) for known in _KNOWN)
         if not (counted and isinstance(flat, QuadrotorMap) and isinstance(field, DensityGrid)):
@@ -168,25 +190,25 @@ class FusedObjective:
         return cls(((*flat.constants, gamma), body, space, weighed))
 
     def __call__(self, free: np.ndarray) -> Evaluation:
-        """J and its gradient."""
+        """Evaluate J and its gradient."""
         gradient = np.empty(len(free))
         return Evaluation(free, PlanCost(*kernels.evaluate(free, *self.parts, gradient)), gradient)
 
     def of_motion(self, motion: Motion) -> PlanCost:
-        """J of a motion that is there."""
+        """Evaluate J of a motion."""
         states = motion.states
         parts = (states.position, states.velocity, states.rotation, states.body_rate, motion.actions)
         arrays = tuple(part.double().contiguous().numpy() for part in parts)
         return PlanCost(*kernels.evaluate_motion(arrays, *self.parts))
 
     def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Differences (k, k) of the gradient of all terms but collision, over a step of each free number."""
+        """Compute differences (k, k) of the gradient of all terms but collision, over a step of each free number."""
         return kernels.effort_curvature(free, *self.parts, steps)
 
     def steps(
         self, start: Evaluation, inverse: np.ndarray, reach: np.ndarray, rule: SearchRule
-    ) -> Iterator[tuple[Evaluation, bool]]:
-        """Where BFGS goes from a start and the inverse Hessian there, and whether J has settled there.
+    ) -> Iterator[Iterate]:
+        """Search by BFGS from a start and the inverse Hessian there.
 
         A few steps are made in one call, before the first of them is yielded.
         """
@@ -199,15 +221,15 @@ class FusedObjective:
         while at < rule.iterations and not settled:
             before, until = at, min((at + 1) // _AT_ONCE * _AT_ONCE + _AT_ONCE - 1, rule.iterations)
             at, settled, fresh = newton_steps(trace, at, until, fresh, inverses, reach, self.parts, rule.numbers)
-            told = slice(min(before + 1, at), at + 1)  # the last one again where J does not fall at all
-            rows = zip(range(told.start, at + 1), trace[0][told], trace[1][told], trace[2][told].tolist(), strict=True)
+            made = slice(min(before + 1, at), at + 1)  # the last one again where J does not fall at all
+            rows = zip(range(made.start, at + 1), trace[0][made], trace[1][made], trace[2][made].tolist(), strict=True)
             for step, free, gradient, terms in rows:
-                yield Evaluation(free, PlanCost(*terms), gradient), settled and step == at
+                yield Iterate(Evaluation(free, PlanCost(*terms), gradient), settled and step == at)
 
 
 @dataclass
 class _Timed:
-    """A term that was added, and how long it takes."""
+    """Added term, with the time that it takes."""
 
     name: str
     kernel: Kernel
@@ -215,7 +237,7 @@ class _Timed:
     calls: int = 0
 
     def __call__(self, flat: FlatMap, by: Adjoint) -> TermCost:
-        """Its weighted value; adds its derivatives."""
+        """Evaluate the weighted term, and add its derivatives."""
         begun = perf_counter()
         value = self.kernel(flat, by)
         self.seconds, self.calls = self.seconds + perf_counter() - begun, self.calls + 1
@@ -247,7 +269,7 @@ class Objective:
                 self._cheap.append(kernel)
 
     def __call__(self, free: np.ndarray) -> Evaluation:
-        """J with all its terms."""
+        """Evaluate J with all its terms."""
         if self.fused is not None:
             return self.fused(free)
         flat, by, own = self._map, self._forward(free), [0.0] * 4
@@ -257,7 +279,7 @@ class Objective:
         return Evaluation(free, PlanCost(*own, added=added), self._backward(by))
 
     def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Differences (k, k) of `effort_gradient` over a step of each free number, each divided by its step."""
+        """Compute differences (k, k) of `effort_gradient` over a step of each free number, each divided by its step."""
         if self.fused is not None:
             return self.fused.effort_curvature(free, steps)
         here = self.effort_gradient(free)
@@ -265,7 +287,7 @@ class Objective:
         return (ahead - here) / steps[:, None]
 
     def effort_gradient(self, free: np.ndarray) -> np.ndarray:
-        """The gradient of the terms for preconditioning alone: cheap, and most of the curvature of J."""
+        """Compute the gradient of the terms for preconditioning alone: cheap, and most of the curvature of J."""
         by = self._forward(free)
         for kernel in self._cheap:
             kernel(self._map, by)
@@ -275,7 +297,7 @@ class Objective:
         flat = self._map
         flat.forward(free)
         times = len(flat.position)
-        # np.zeros takes a fifth of the time of np.zeros_like, and this is asked for some hundred times in a plan
+        # np.zeros takes a fifth of the time of np.zeros_like, and a plan makes some hundred of these
         return Adjoint(free, np.zeros((times, 3)), np.zeros((times, 3)), np.zeros(flat.action.shape))
 
     def _backward(self, by: Adjoint) -> np.ndarray:

@@ -12,18 +12,19 @@ from nerfnav.field import Field
 from nerfnav.planner import terms
 from nerfnav.planner.risk.collision_map import CollisionMap, relative_cost
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.risk.tracking_error import PAPER_NOISE, NoiseModel, RiskContext
+from nerfnav.planner.risk.tracking_error import RiskContext
 from nerfnav.planner.space.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
 from nerfnav.planner.space.ends import check_ends, check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.scales import Scales
+from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.terms.term import CostTerm, Evaluated, TermContext, evaluate
 from nerfnav.planner.trajectory import Route, Trajectory
-from nerfnav.robots import Motion, RigidState, Robot
+from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot
 
 
 class InitialGuess(Enum):
-    """Where the optimisation starts."""
+    """Start of the optimisation."""
 
     ASTAR = "a way around what is occupied"
     STRAIGHT = "the straight line, through everything"
@@ -31,12 +32,12 @@ class InitialGuess(Enum):
 
 @dataclass(frozen=True)
 class PlanProblem:
-    """What is to be planned."""
+    """Planning problem: a robot in a field, between two states."""
 
     field: Field
-    """Where."""
+    """Field to plan in."""
     robot: Robot
-    """Who."""
+    """Robot to plan for."""
     start: RigidState
     """Met exactly at time 0."""
     goal: RigidState
@@ -45,51 +46,57 @@ class PlanProblem:
     """Number of time steps; 20 in the paper."""
     dt: float = 0.1
     """Length of a step [s]; 0.1 in the paper."""
-    terms: tuple[CostTerm, ...] = dataclass_field(default_factory=terms.counted)
-    """What J is the sum of: those of Eq. 2 and all that were registered, unless others are given."""
-    disturbance: NoiseModel = PAPER_NOISE
-    """What will disturb the robot, for plans that count risk."""
+    terms: tuple[CostTerm, ...] = dataclass_field(default_factory=terms.list_terms)
+    """Terms of J: by default those of Eq. 2 and all that were registered."""
+    noise: NoiseModel = PAPER_NOISE
+    """Noise of the flight, for plans that count risk."""
     overdue: bool = False
-    """Whether the arrival is put off at each step, see terms/risk.py."""
+    """True if the arrival is put off at each step, see terms/risk.py."""
     keeps_headings: bool = False
-    """Whether the search leaves the headings of a trajectory as they are, see Route."""
+    """True if the search leaves the headings of a trajectory as they are, see Route."""
 
     @property
     def route(self) -> Route:
-        """From where to where, and in how many steps."""
+        """Return the ends and the time steps."""
         return Route(self.start, self.goal, self.steps, self.dt, self.keeps_headings)
 
     def context(self, weights: CostWeights) -> TermContext:
-        """What the terms are told."""
+        """Return the context of the terms."""
         return TermContext(self.field, self.robot, weights, self.risk_context)
 
     @property
     def risk_context(self) -> RiskContext:
-        """What is known of the flight."""
+        """Return the properties of the flight on which risk depends."""
         apart = (self.goal.position - self.start.position).norm().item()
         pace = max(apart, self.robot.body.radius) / self.steps if self.overdue else None
         height = self.start.position[2].item() if self.robot.planar else None
-        return RiskContext(self.dt, self.disturbance, pace, height)
+        return RiskContext(self.dt, self.noise, pace, height)
 
     def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
-        """The terms of J for a motion."""
+        """Evaluate the terms of J for a motion."""
         return evaluate(self.terms, self.context(weights), motion)
+
+    @torch.no_grad()
+    def evaluate(self, trajectory: Trajectory, weights: CostWeights) -> PlanStep:
+        """Evaluate the motion and J of a trajectory."""
+        motion = trajectory.motion(self.robot)
+        return PlanStep(0, trajectory, motion, self.cost(motion, weights).numbers())
 
 
 @dataclass(frozen=True)
 class FirstGuesses:
-    """Trajectories to begin with."""
+    """First guesses of the optimisation."""
 
     trajectories: tuple[Trajectory, ...]
-    """Along the ways that were found, at least one; along the straight line where there is none."""
+    """Trajectories along the paths that were found, at least one; along the straight line where there is none."""
     leads: bool
-    """Whether there is a way from start to goal at all."""
+    """True if there is a path from start to goal at all."""
 
 
 def first_guess(
     problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap | OccupancyConfig
 ) -> FirstGuesses:
-    """The same as `first_guesses` with one trajectory, along the best way."""
+    """Make the first guess along the best path alone, see `first_guesses`."""
     return first_guesses(problem, initial, occupancy, SearchConfig.single())
 
 
@@ -99,7 +106,7 @@ def first_guesses(
     occupancy: OccupancyMap | OccupancyConfig,
     search: SearchConfig,
 ) -> FirstGuesses:
-    """Check the ends and look for ways between them, on a map that is made here if only its config is given.
+    """Check the ends and search paths between them, on a map that is made here if only its config is given.
 
     Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between.
     """
@@ -114,7 +121,7 @@ def first_guesses(
 def paths_between(
     problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap, search: SearchConfig
 ) -> FirstGuesses:
-    """The same for ends that are taken as they are, such as a robot's that finds itself next to a wall."""
+    """Search paths between ends that are taken as they are, such as a robot's that finds itself next to a wall."""
     straight = torch.stack([problem.start.position, problem.goal.position])
     if initial is InitialGuess.STRAIGHT:
         return FirstGuesses((_along(problem, straight),), True)
@@ -129,7 +136,7 @@ def paths_between(
 
 
 def path_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
-    """Length of the best way from start to goal [m], turns included; of the straight line where there is none."""
+    """Measure the best path from start to goal [m], turns included; the straight line where there is none."""
     found = _paths(problem, occupancy, search)
     if found:
         scales = occupancy.scales
@@ -138,15 +145,15 @@ def path_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchCon
 
 
 def _paths(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> list[Float[Tensor, "_ c"]]:
-    dearer = None
+    extra = None
     if search.danger:
-        danger = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
-        dearer = relative_cost(danger, occupancy, search.danger)
-    return find_paths(occupancy, problem.start, problem.goal, search, dearer)
+        chances = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
+        extra = relative_cost(chances, occupancy, search.danger)
+    return find_paths(occupancy, problem.start, problem.goal, search, extra)
 
 
 def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
-    """The map to search on: of the start's height alone for a robot that never leaves it."""
+    """Return the map to search on: of the start's height alone for a robot that never leaves it."""
     config = occupancy if isinstance(occupancy, OccupancyConfig) else occupancy.config
     if problem.robot.planar:
         height = problem.start.position[2].item()

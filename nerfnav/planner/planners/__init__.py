@@ -1,4 +1,4 @@
-"""The planners, one file for each: the one table that every choice of a planner reads."""
+"""Registry of planners, one file for each: every choice of a planner reads this table."""
 
 from nerfnav.core.registry import Registry
 from nerfnav.planner.planners.fast import FAST
@@ -8,19 +8,19 @@ from nerfnav.planner.planners.planner import PlannerEntry
 from nerfnav.planner.planners.rrt import RRT
 
 PLANNERS: Registry[PlannerEntry] = Registry("planner", (FAST, MINSNAP, RRT, PAPER))
-"""Name to planner, the quick ones first."""
+"""Planners by name, the quick ones first."""
 
 
 def names() -> tuple[str, ...]:
-    """What `load` knows."""
+    """List the names that `load` knows."""
     return tuple(PLANNERS)
 
 
 def load(name: str) -> PlannerEntry:
-    """The planner of that name; raises UnknownNameError that lists the known ones."""
+    """Return the planner of a name. Raises UnknownNameError, which lists the known ones."""
     return PLANNERS[name]
 
 
 def register(entry: PlannerEntry) -> None:
-    """Make a planner known by its name. Raises NameTakenError where another one has it."""
+    """Add a planner. Raises NameTakenError where another one has its name."""
     PLANNERS.register(entry)

@@ -1,35 +1,34 @@
 """Paper's planner: A* and Adam, then Adam again from the rest of the waypoints."""
 
 import dataclasses
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_room
 from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
 from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.space.occupancy import OccupancyMap
-from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.steps import PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)
 class PaperPlanner(FieldPlanner):
-    """A* and Adam, then Adam again from the rest of the waypoints."""
+    """Plan by A* and Adam; replan by Adam from the rest of the waypoints."""
 
     first: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper)
-    """How the first plan is made."""
+    """Settings of the first plan."""
     again: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper_replan)
-    """How the plan is redone at each time step."""
+    """Settings with which the plan is redone at each time step."""
     occupancy: OccupancyMap | None = None
     """Saves making the map of the field again where the caller has it."""
 
-    def plan(self, route: Route) -> Iterator[PlanStep]:
-        """See Planner."""
+    def plan(self, route: Route) -> PlanSteps:
+        """Plan from scratch, see Planner."""
         return plan(self.problem(route), self.first, self.occupancy)
 
-    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
-        """See Planner."""
+    def replan(self, last: Motion, route: Route, executed: int) -> PlanSteps:
+        """Plan the rest again, see Planner."""
         problem = self.rest(last, route)
         trajectory = shift_warm_start(
             last, problem.start, problem.goal, self.robot, executed=executed, steps=problem.steps
@@ -37,9 +36,9 @@ class PaperPlanner(FieldPlanner):
         return replan(problem, trajectory, self.again)
 
 
-def in_flight(first: PlanConfig) -> PlanConfig:
-    """With room around the body, and no more iterations than the paper's replanning has."""
+def limit_iterations(first: PlanConfig) -> PlanConfig:
+    """Return the settings for flights: with room around the body, and at most the paper's iterations of replanning."""
     return with_room(replace(first, iterations=min(first.iterations, PlanConfig.paper_replan().iterations)))
 
 
-PAPER = PlannerEntry("paper", PaperPlanner, PlanConfig.paper, in_flight, color=(196, 130, 255))
+PAPER = PlannerEntry("paper", PaperPlanner, PlanConfig.paper, limit_iterations, color=(196, 130, 255))

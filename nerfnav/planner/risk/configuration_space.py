@@ -1,4 +1,4 @@
-"""Configuration-space obstacles: where a level body does not fit, as accurately as a field can tell.
+"""Configuration-space obstacles: positions at which a level body does not fit, as accurately as a field allows.
 
 Maps to search on (space/occupancy.py) err to the safe side by up to a voxel, which is 4 cm for the paper's robot;
 that is as much as noise moves it, and a chance that is computed on them may be ten times too large, more so beside
@@ -29,15 +29,15 @@ from nerfnav.planner.space.scales import Scales, grain_of
 from nerfnav.robots import Body
 
 _ACROSS, _FEWEST = 8, 4
-"""Points to the width of a body, and where so many are too many, or fields take long to ask."""
+"""Points to the width of a body, and their number where that is too many, or fields are slow."""
 _MOST = 6_000_000
 """Points in all, as long as half of the body is no whole number of their distances: to make it one, up to four times as
 many are taken."""
 _BYTES = 48
-"""What a point takes, at most, until chances are made of it (collision_map.py): 36 to 43 were measured. And one for
+"""Largest memory of a point until chances are made of it (collision_map.py): 36 to 43 were measured. And one for
 each heading."""
 _SLAB = 8
-"""Layers of points that are asked for at once."""
+"""Layers of points that are evaluated at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class CSpace:
     """Obstacles at the nodes of a grid."""
 
     by_heading: Bool[np.ndarray, "h nx ny nz"]
-    """Whether the body's centre cannot be there with headings evenly over half a turn, begun at 0; a single one of a
+    """True where the body's centre cannot be, with headings evenly over half a turn, begun at 0; a single one of a
     body that is about as long as wide."""
     lower: Float[np.ndarray, "3"]
     """The first node [m]."""
@@ -54,7 +54,8 @@ class CSpace:
 
     @classmethod
     def of(cls, field: Field, body: Body, height: float | None = None) -> "CSpace":
-        """Of a body in a field; with a `height` [m] of a body that never leaves it, in a single layer.
+        """Compute the obstacles of a body in a field; with a `height` [m] of a body that never leaves it, in a single
+        layer.
 
         Raises InvalidInputError where the memory cannot hold it, before it is made.
         """
@@ -64,7 +65,7 @@ class CSpace:
             wanted = max(min(scales.width / _ACROSS, grain), affordable)
             if wanted <= min(grain, scales.width / _FEWEST):
                 return cls._sampled(field, body, scales, wanted, height)
-        # points further apart than what the field tells apart would miss things, and networks take long to answer
+        # points further apart than the field's resolution would miss things, and networks are slow
         voxel = max(scales.width / _FEWEST, grain, affordable)
         coarse = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel, samples_per_voxel=1), height)
         lower, spacing = coarse.box.lower.double().cpu().numpy(), coarse.spacing.double().numpy()
@@ -95,18 +96,19 @@ class CSpace:
 
 
 def _dividing(length: float, most: float) -> float:
-    """The largest step up to `most` of which a length [m] is a whole number; `most` where it is next to none."""
+    """Compute the largest step up to `most` of which a length [m] is a whole number; `most` where it is next to
+    none."""
     return length / math.ceil(length / most - 1e-6) if length > 0.5 * most else most
 
 
 def _dense(field: Field, axes: list[Tensor], scales: Scales) -> UInt8[Tensor, "nx ny nz"]:
-    """Whether it is dense at the points of a grid, given along each axis [m]; a slab at a time, to save memory."""
+    """Mark the dense points of a grid, given along each axis [m]; a slab at a time, to save memory."""
     slabs = [torch.meshgrid(x, *axes[1:], indexing="ij") for x in axes[0].split(_SLAB)]
     return torch.cat([dense_at(field, torch.stack(slab, -1), scales.threshold) for slab in slabs])
 
 
 def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
-    """Half length and half width of the body [m], to the nearest column, and each heading [rad]."""
+    """Return half length and half width of the body [m], to the nearest column, for each heading [rad]."""
     half = 0.5 * np.array(body.extents[:2])
     if len(headings) == 1:  # any heading
         half[:] = half.max()

@@ -8,7 +8,7 @@ diagonal.
 s(b) is the distance that body point b itself travels in the step (rotation moves the corners of a body whose centre
 rests). Paper Eq. 1 prints >= between the collision probability and the sum; Boole's inequality gives <=.
 
-How they become terms of J, and how to add another one: see terms/.
+terms/ makes them terms of J, and says how to add another one.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ _STANDSTILL = 1e-12
 
 @dataclass(frozen=True)
 class CostWeights:
-    """What the terms of J weigh.
+    """Weights of the terms of J.
 
     The authors' later code differs from the paper: it squares the density, multiplies by the centre's distance
     only, and takes torques to the fourth power. These terms follow the paper.
@@ -41,46 +41,46 @@ class CostWeights:
     limits: float = 100.0
     """Weight of the robot's own `limits`, such as a thrust floor; not in the paper."""
     outside: float = 1000.0
-    """Weight of reaching beyond the field's box with the body [1/m^2], see terms.py; not in the paper."""
+    """Weight of reaching beyond the field's box with the body [1/m^2], see terms/outside.py; not in the paper."""
     risk: float = 0.0
-    """What a collision costs that the noise to come brings about [J]; 0 in the paper, which plans as if nothing
-    disturbed the robot. See terms/risk.py."""
+    """Cost of a collision due to the noise to come [J]; 0 in the paper, which plans without noise. See
+    terms/risk.py."""
     samples_per_step: int = 3
-    """Densities taken along each body point's way through a step. The paper takes 1, at the end of the step: then
+    """Densities taken along each body point's path through a step. The paper takes 1, at the end of the step: then
     a body slips between two waypoints through what is thinner than a step."""
 
     margin: float = 0.01
-    """How much larger than the body the body points reach [m]: about a voxel, since a field's surfaces are no more
+    """Distance by which the body points reach beyond the body [m]: about a voxel, since a field's surfaces are no more
     exact than that. 0 in the paper. Flights keep more room, for they are disturbed."""
 
 
 def collision_per_step(
     field: Field, motion: Motion, body: Body, samples_per_step: int = 1
 ) -> Float[Tensor, "*batch n"]:
-    """sum_b rho(x_b) s(b) of every step: an upper bound of its collision probability (Eq. 1).
+    """Compute sum_b rho(x_b) s(b) of every step: an upper bound of its collision probability (Eq. 1).
 
-    The way of each body point through a step is cut into `samples_per_step` equal parts, and the density is taken in
+The path of each body point through a step is cut into `samples_per_step` equal parts, and the density is taken in
     the middle of each. What is beyond the field's box counts as solid.
     """
     return _met(field, motion, body, samples_per_step, True).sum(-1)
 
 
 def collision(field: Field, motion: Motion, body: Body, samples_per_step: int = 1) -> Float[Tensor, "*batch"]:
-    """The same as J counts it, summed over time: without a jump at the border of the field's box, within which the
-    penalty of terms.py keeps the body."""
+    """Compute the collision term of J, summed over time: without a jump at the border of the field's box, within which
+    the penalty of terms/outside.py keeps the body."""
     return _met(field, motion, body, samples_per_step, False).sum((-2, -1))
 
 
 def expected_hits(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> Float[Tensor, "*batch b"]:
-    """sum_t rho(x_b) s(b) of every body point: the optical depth along its way, the hits to be expected; what is beyond
-    the field's box counts as solid."""
+    """Compute sum_t rho(x_b) s(b) of every body point: the optical depth along its path, or expected number of hits;
+    space beyond the field's box counts as solid."""
     return _met(field, motion, body, samples_per_step, True).sum(-2)
 
 
 def _met(
     field: Field, motion: Motion, body: Body, samples_per_step: int, bordered: bool
 ) -> Float[Tensor, "*batch n b"]:
-    """rho(x_b) s(b) of every step and body point."""
+    """Compute rho(x_b) s(b) of every step and body point."""
     points = body.points_at(motion.states)
     before, moved = points[..., :-1, :, :], points.diff(dim=-3)
     travelled = (moved.square().sum(-1) + _STANDSTILL).sqrt()
@@ -93,14 +93,14 @@ def _met(
 
 
 def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch"]:
-    """sum_t u_t' Gamma u_t with the diagonal `gamma`."""
+    """Compute sum_t u_t' Gamma u_t with the diagonal `gamma`."""
     return (gamma * motion.actions.square()).sum((-2, -1))
 
 
 def collision_probability_bound(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> float:
-    """Upper bound of the probability that one motion collides, at most 1: Eq. 1, and Boole's inequality over steps.
+    """Bound the probability that one motion collides, at most 1: Eq. 1, and Boole's inequality over steps.
 
-    It bounds what the field believes and is no guarantee. It counts every body point as if it flew alone, so that
+It rests on the field's densities and is no guarantee. It counts every body point as if it flew alone, so that
     light fog on many points already brings it to 1; what is beyond the field's box counts as solid.
     `collision_per_step` has the terms of the sum.
     """

@@ -1,8 +1,8 @@
-"""Tracking error covariance: how far noise takes a robot from its plan before any control can take it back.
+"""Tracking error covariance: the deviation from the plan by noise that no controller can avoid.
 
-    x_{t+1} = f(x_t, u_t) + w_t,  w ~ N(0, Q);   A = df/dx, B = df/du where it holds;   S covariance of an estimate
+    x_{t+1} = f(x_t, u_t) + w_t,  w ~ N(0, Q);   A = df/dx, B = df/du at rest;   S covariance of an estimate
 
-What a step's noise does shows in the picture at its end, and the action that answers it moves the position d steps
+The picture at the end of a step shows what its noise did, and the action that answers moves the position d steps
 later, d being the relative degree: the least d with e' A^(d-1) B != 0 for the axis e. It is 2 for the height of a
 quadrotor, whose thrust changes the velocity first, and 4 for its other axes: torque, rate, attitude, velocity, place.
 The error that no controller can avoid is therefore that of predicting over d steps,
@@ -24,72 +24,63 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.robots import POSITION, TANGENT, RigidState, Robot
+from nerfnav.robots import PAPER_NOISE, POSITION, TANGENT, NoiseModel, RigidState, Robot
 
 _REACHES = 1e-9
 """Change of the position [m] by a unit of action that counts as none."""
 
 
 @dataclass(frozen=True)
-class NoiseModel:
-    """What is expected to disturb a robot: standard deviations of position [m], velocity [m/s], attitude [rad] and body
-    rate [rad/s], on each axis."""
-
-    noise: tuple[float, float, float, float] = (0.02, 0.01, 0.02, 0.01)
-    """Added by each time step; the paper's process noise."""
-    estimate: tuple[float, float, float, float] = (0.005, 0.02, 0.005, 0.02)
-    """Of the estimate that a plan starts from: as wide as flights by camera alone have it."""
-
-
-PAPER_NOISE = NoiseModel()
-"""What disturbs the robot in the paper."""
-
-
-@dataclass(frozen=True)
 class RiskContext:
-    """What a plan is told of the flight that it is made for."""
+    """Properties of the flight on which the risk of a plan depends."""
 
     dt: float = 0.1
     """Length of a step [s]."""
-    disturbance: NoiseModel = PAPER_NOISE
-    """What will disturb it."""
+    noise: NoiseModel = PAPER_NOISE
+    """Noise of the flight."""
     pace: float | None = None
-    """Way of a step [m] on which risk counts once, for plans whose arrival is put off; None: once for each step."""
+    """Distance of a step [m] on which risk counts once, for plans whose arrival is put off; None: once for each step.
+    """
     height: float | None = None
-    """At which a robot stays that never leaves it [m]."""
+    """Height of a robot that never leaves it [m]."""
 
 
 PAPER_RISK_CONTEXT = RiskContext()
-"""Of a plan in the paper's steps and noise."""
+"""Context of a plan in the paper's steps and noise."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Standard deviation of the position around a plan [m]."""
+
+    level: float
+    """Along the worse of two level axes."""
+    height: float
+    """Along the vertical."""
 
 
 @lru_cache(maxsize=32)
-def tracking_deviations(robot: Robot, dt: float, disturbance: NoiseModel) -> tuple[tuple[float, float], ...]:
-    """Standard deviations [m] of the position around a plan after its first steps, one by one, the last also after all
-    later ones: level, on the worse of two axes, and in height.
+def tracking_deviations(robot: Robot, dt: float, noise: NoiseModel) -> tuple[Deviation, ...]:
+    """Predict the tracking error after the first steps, one by one; the last holds after all later ones too.
 
-    Axes that actions do not reach where the robot holds, such as a cart's to the side, count as reached in the fewest
-    steps that the robot can plan.
+    Axes that actions do not reach at rest, such as a cart's to the side, count as reached in the fewest steps that the
+    robot can plan.
     """
-    by_state, reach = _linearised(robot, dt)
-    noise, covariance = (_covariance(part) for part in (disturbance.noise, disturbance.estimate))
+    by_state, reach = _linearise(robot, dt)
+    process, covariance = (part.covariance(torch.float64) for part in (noise.process, noise.estimate))
     variances, unreached = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.bool)
-    spreads: list[tuple[float, float]] = []
-    while unreached.any() and len(spreads) < robot.minimum_steps:
-        covariance = by_state @ covariance @ by_state.T + noise
+    deviations: list[Deviation] = []
+    while unreached.any() and len(deviations) < robot.minimum_steps:
+        covariance = by_state @ covariance @ by_state.T + process
         variances[unreached] = covariance.diagonal()[POSITION][unreached]
-        spreads.append((variances[:2].amax().sqrt().item(), variances[2].sqrt().item()))
+        deviations.append(Deviation(variances[:2].amax().sqrt().item(), variances[2].sqrt().item()))
         unreached = unreached & (reach[POSITION].abs().amax(-1) <= _REACHES)
         reach = by_state @ reach
-    return tuple(spreads)
+    return tuple(deviations)
 
 
-def _covariance(deviations: tuple[float, float, float, float]) -> Float[Tensor, "12 12"]:
-    return torch.tensor(deviations, dtype=torch.float64).repeat_interleave(3).square().diag()
-
-
-def _linearised(robot: Robot, dt: float) -> tuple[Float[Tensor, "12 12"], Float[Tensor, "12 a"]]:
-    """A and B of the dynamics where the robot holds."""
+def _linearise(robot: Robot, dt: float) -> tuple[Float[Tensor, "12 12"], Float[Tensor, "12 a"]]:
+    """Differentiate the dynamics at rest: A and B."""
     rest = RigidState.at_rest((0.0, 0.0, 0.0))
     action = robot.hold(rest, dt).double()
     rest = rest.to(torch.float64)

@@ -11,39 +11,39 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted, rank_two
-from nerfnav.planner.objective.objective import Evaluation, LineSearch, Objective, SearchRule
+from nerfnav.planner.objective.objective import Evaluation, Iterate, LineSearch, Objective, SearchRule, Settling
 
 _SEARCH = LineSearch()
 _DAMPING = 0.2
 _DIFFERENCE = 1e-4
 """Step of the differences that curvature is taken from, in scales."""
 _STIFFER, _LOOSER = 10.0, 10.0
-"""How many times the prior and the tolerance are where a search starts nearly at a minimum."""
+"""Factors on the prior and the tolerance of a search that starts nearly at a minimum."""
 
 
 @dataclass(frozen=True)
 class NewtonConfig:
-    """How J is minimised."""
+    """Settings of the minimisation of J."""
 
     iterations: int = 1000
-    """At most so many steps; a way of 150 time steps along furniture has taken more than 400."""
+    """Largest number of steps; a path of 150 time steps along furniture has taken more than 400."""
     stretch: int = 300
-    """After so many without an end, what was learned of the curvature is forgotten, and the search begins again from
-    where it is with the control cost's curvature there: on long ways what was learned far back leads into ever shorter
-    steps, for J has kinks."""
+    """Number of steps after which the estimated curvature is dropped, and the search begins again with the control
+    cost's curvature at its point: on long paths an old estimate leads into ever shorter steps, for J has kinks."""
     prior: float = 1.0
     """Curvature that is added for what the control cost does not see, in units of J for a change by one scale."""
     reach: float = 1.0
     """Longest step of any free number, in its scale."""
     tolerance: float = 1e-4
-    """Ends when the last `patience` iterations improved J by less than this share of it."""
+    """Share of J by which the last `patience` iterations must have improved it, or the search ends."""
     patience: int = 8
-    """See tolerance."""
+    """Number of iterations to which `tolerance` applies."""
     least: float = 0.01
-    """J below which shares are taken of this [1]: to stand still costs nothing, and there is no share of that."""
+    """Value of J below which shares are taken of this instead [1]: to stand still costs nothing."""
 
     def nearby(self) -> "NewtonConfig":
-        """The same for a start that is nearly a minimum: shorter first steps, which stay with it, and earlier ends."""
+        """Return the settings for a start that is nearly a minimum: shorter first steps, which stay near it, and
+        earlier ends."""
         return replace(self, prior=_STIFFER * self.prior, tolerance=_LOOSER * self.tolerance)
 
 
@@ -53,49 +53,49 @@ def minimise(
     scales: np.ndarray,
     config: NewtonConfig,
     inverse: np.ndarray | None = None,
-) -> Iterator[tuple[Evaluation, bool]]:
-    """Yield every iterate of the search, the start `now` first, J falling from one to the next, and whether it has
-    settled.
+) -> Iterator[Iterate]:
+    """Yield every iterate of the search, the start `now` first, J falling from one to the next.
 
-    `scales` (k) say by how much each free number may change before the motion is quite another one. `inverse` (k, k),
+    `scales` (k) are the changes of the free numbers that change the motion much. `inverse` (k, k),
     the first inverse Hessian, is the preconditioner at the start where none is given.
     """
-    yield now, False
-    made, settled = 0, False
-    while made < config.iterations and not settled:
+    here, made = Iterate(now, False), 0
+    yield here
+    while made < config.iterations and not here.settled:
         if inverse is None:
-            inverse = preconditioner(objective.effort_curvature, now.free, scales, config.prior)
+            inverse = preconditioner(objective.effort_curvature, here.point.free, scales, config.prior)
         stretch = replace(config, iterations=min(config.stretch, config.iterations - made))
-        following = _descend(objective, now, inverse, config.reach * scales, stretch)
-        for now, settled in following:
+        following = _descend(objective, here.point, inverse, config.reach * scales, stretch)
+        for here in following:
             made += 1
-            yield now, settled
+            yield here
         inverse = None
 
 
 def _descend(
     objective: Objective, now: Evaluation, inverse: np.ndarray, reach: np.ndarray, config: NewtonConfig
-) -> Iterator[tuple[Evaluation, bool]]:
-    """The iterates that come after `now`, from one inverse Hessian on."""
+) -> Iterator[Iterate]:
+    """Yield the iterates after `now`, from one inverse Hessian on."""
     if objective.fused is not None:
-        settled = (config.patience, config.tolerance, config.least)
-        yield from objective.fused.steps(now, inverse, reach, SearchRule(config.iterations, _SEARCH, _DAMPING, settled))
+        settling = Settling(config.patience, config.tolerance, config.least)
+        rule = SearchRule(config.iterations, _SEARCH, _DAMPING, settling)
+        yield from objective.fused.steps(now, inverse, reach, rule)
         return
     first, history, fresh = inverse, [now.cost.total], True
     for _ in range(config.iterations):
         moved = _advance(objective, now, inverse, reach)
         if moved is None:
             if fresh:
-                yield now, True
+                yield Iterate(now, True)
                 return
-            inverse, fresh = first, True  # what was learned of the curvature misleads: forget it
+            inverse, fresh = first, True  # the estimated curvature misleads: drop it
             continue
         (now, inverse), fresh = moved, False
         history.append(now.cost.total)
         settled = len(history) > config.patience and (
             history[-1 - config.patience] - history[-1] <= config.tolerance * max(abs(history[-1]), config.least)
         )
-        yield now, settled
+        yield Iterate(now, settled)
         if settled:
             return
 
@@ -103,7 +103,7 @@ def _descend(
 def preconditioner(
     curvature: Callable[[np.ndarray, np.ndarray], np.ndarray], free: np.ndarray, scales: np.ndarray, prior: float
 ) -> np.ndarray:
-    """Inverse of |H| + prior / scales^2, with H = curvature(free, steps) by differences over small steps.
+    """Invert |H| + prior / scales^2, with H = curvature(free, steps) by differences over small steps.
 
     Where no eigenvalue is below half of -prior, that of H + prior / scales^2: in a tenth of the time, and as good.
     """
@@ -117,7 +117,7 @@ def preconditioner(
 def _advance(
     objective: Objective, now: Evaluation, inverse: np.ndarray, reach: np.ndarray
 ) -> tuple[Evaluation, np.ndarray] | None:
-    """The next point and the inverse Hessian there; None where J does not fall along the direction."""
+    """Take a step; return the next point and its inverse Hessian, or None where J does not fall along the direction."""
     direction = -(inverse @ now.gradient)
     slope = float(direction @ now.gradient)
     following = _search(objective, now, direction, slope, reach) if slope < 0 else None
@@ -130,7 +130,7 @@ def _advance(
 
 
 def bfgs(inverse: np.ndarray, step: np.ndarray, pulled: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The inverse Hessian after a step and the change of the gradient along it, damped to stay positive definite.
+    """Update the inverse Hessian by a step and the change of the gradient along it, damped to stay positive definite.
 
     `pulled` is the change that the inverse so far, B, would explain: B^-1 step.
     """
@@ -148,14 +148,16 @@ def bfgs(inverse: np.ndarray, step: np.ndarray, pulled: np.ndarray, change: np.n
 def _search(
     objective: Objective, now: Evaluation, direction: np.ndarray, slope: float, reach: np.ndarray
 ) -> Evaluation | None:
-    """The first point along `direction`, at most `reach` away, where J fell enough (Armijo); None if there is none."""
+    """Find the first point along `direction`, at most `reach` away, where J fell enough (Armijo); None if there is
+    none.
+    """
     length = min(1.0, float(1 / np.max(np.abs(direction) / reach)))
     for _ in range(_SEARCH.tries):
         tried = objective(now.free + length * direction)
         gain = tried.cost.total - now.cost.total
         if gain <= _SEARCH.armijo * length * slope:
             return tried
-        # the minimum of the parabola through what is known; NaN shrinks as far as allowed
+        # the minimum of the parabola through these values; NaN shrinks as far as allowed
         best = -0.5 * slope * length**2 / (gain - slope * length)
         low, high = _SEARCH.low, _SEARCH.high
         length *= high if not np.isfinite(best) else float(np.clip(best / length, low, high))

@@ -1,15 +1,16 @@
 """Shortest duration: find the fewest time steps in which a robot keeps its limits, beginning with an estimate.
 
-No robot is sooner at its goal than its way is long and its limit of speed lets it: T >= L / v. Easing in and out
-takes more; 1.4 L / v is nearly always enough, and no more than 40 % too long. From rest to rest with least jerk, a
-way takes the acceleration 5.8 L / T^2 at most.
+A path of length L takes at least T >= L / v at the limit of speed v. Easing in and out takes more; 1.4 L / v is nearly
+always enough, and no more than 40 % too long. From rest to rest with least jerk, a path takes the acceleration
+5.8 L / T^2 at most.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+from nerfnav.core.steps import run_steps
+from nerfnav.planner.steps import PlanOutcome, PlanSteps
 from nerfnav.robots import Robot, limit_uses
 
 _HOPELESS = (PlanOutcome.NO_PATH, PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
@@ -22,42 +23,42 @@ _MANY = 80
 
 @dataclass(frozen=True)
 class DurationConfig:
-    """Which durations are tried."""
+    """Settings of the search for a duration."""
 
     fewest: int = 6
-    """Number of steps to begin with, or the fewest that the robot can plan."""
+    """First number of steps, or the fewest that the robot can plan."""
     most: int = 120
-    """Number of steps after which to give up."""
+    """Largest number of steps."""
     growth: float = 1.5
-    """By how much longer the next plan is while limits are exceeded."""
+    """Factor between the durations of two plans while limits are exceeded."""
     impossible: int = 0
-    """Number of steps that is known to be too few."""
+    """Number of steps that is known to be too small."""
     exactly: int = 40
-    """Up to so many steps the fewest are found, to one."""
+    """Number of steps up to which the fewest are found exactly."""
     nearly: float = 1.5
-    """Of more steps, so many times what is known to be too few will do: each trial takes long then."""
+    """Beyond that, accepted ratio to a number of steps that is known to be too small: each trial takes long then."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How long a way should take, before anything is planned."""
+    """Estimate of a duration, before anything is planned."""
 
     steps: int
-    """Steps that should be enough."""
+    """Number of steps that should be enough."""
     dt: float
-    """Their length [s]."""
+    """Length of a step [s]."""
     impossible: int
-    """Steps that are too few in any case."""
+    """Number of steps that is too small in any case."""
 
     @property
     def config(self) -> DurationConfig:
-        """What to try, from here on."""
+        """Return the durations to try, from this estimate on."""
         most = max(DurationConfig.most, 4 * self.steps)
         return DurationConfig(fewest=self.steps, most=most, impossible=self.impossible)
 
 
 def estimate_timing(robot: Robot, length: float, dt: float, longest_dt: float | None = None) -> Timing:
-    """How long a way of a length [m] should take a robot in steps of `dt` [s].
+    """Estimate the duration of a path of a length [m] in steps of `dt` [s].
 
     Steps may be up to `longest_dt` long (default: see `longest_step`) where there would be very many of them.
     """
@@ -75,30 +76,30 @@ def estimate_timing(robot: Robot, length: float, dt: float, longest_dt: float | 
 
 
 def is_hurried(robot: Robot, distance: float, seconds: float) -> bool:
-    """Whether a time is surely too short for a robot's limit of speed where its ends are a distance [m] apart: a way
-    around is about 1.4 times the straight line, easing in and out takes 1.4 times as long."""
+    """Return True if a time [s] is surely too short for a robot's limit of speed with ends a distance [m] apart: a path
+    around obstacles is about 1.4 times the straight line, and easing in and out takes 1.4 times as long."""
     speed = speed_limit(robot)
     return speed is not None and _AROUND * _EASING * distance > seconds * speed
 
 
 def speed_limit(robot: Robot) -> float | None:
-    """How fast it may be [m/s]; None where it may have any speed."""
+    """Return the robot's limit of speed [m/s]; None where it has none."""
     return robot.most("speed")
 
 
 def longest_step(robot: Robot, speed: float) -> float:
-    """Length of a step [s] in which a robot at its greatest speed [m/s] moves by its width from where densities are
-    taken to where they are taken next: nothing slips through between them. 0.1 s for the paper's robot."""
+    """Compute the length of a step [s] in which a robot at its greatest speed [m/s] moves by its width between two
+    places where densities are taken: nothing slips through between them. 0.1 s for the paper's robot."""
     return _SAMPLES * min(robot.body.extents[:2]) / speed
 
 
 def find_shortest_plan(
-    plan: Callable[[int], Iterator[PlanStep]], robot: Robot, config: DurationConfig | None = None
-) -> Iterator[PlanStep]:
-    """Plans of growing length until one keeps the robot's limits, then the shortest such by bisection.
+    plan: Callable[[int], PlanSteps], robot: Robot, config: DurationConfig | None = None
+) -> PlanSteps:
+    """Plan with growing numbers of steps until a plan keeps the robot's limits; then find the shortest by bisection.
 
-    `plan` makes a plan of so many steps. Yields the last step of each plan that was made, and at the end the best one
-    again with its outcome: OVER_LIMITS where even the longest plan exceeds them.
+    `plan` makes a plan of so many steps. Yields the end of each plan that was made; the outcome is OVER_LIMITS where
+    even the longest plan exceeds the limits.
     """
     config = DurationConfig() if config is None else config
     short, best = max(config.impossible, robot.minimum_steps - 1), None
@@ -106,9 +107,9 @@ def find_shortest_plan(
     tried = 0
     while best is None or not _is_short(long, short, config):
         steps = long if best is None else (short + long) // 2
-        found = last_step(plan(steps))
+        found = run_steps(plan(steps))
         keeps = found.outcome not in _HOPELESS and not any(use.violated for use in limit_uses(robot, found.motion))
-        yield replace(found, iteration=tried, outcome=None)
+        yield replace(found.as_step(), iteration=tried)
         tried += 1
         if keeps:
             best, long = found, steps
@@ -116,13 +117,12 @@ def find_shortest_plan(
             short = steps
         elif found.outcome is PlanOutcome.NO_PATH or long >= config.most:
             lost = found.outcome if found.outcome in _HOPELESS else PlanOutcome.OVER_LIMITS
-            yield replace(found, iteration=tried, outcome=lost)
-            return
+            return replace(found, iteration=tried, outcome=lost)
         else:
             short, long = long, min(config.most, round(config.growth * long) + 1)
-    yield replace(best, iteration=tried)
+    return replace(best, iteration=tried)
 
 
 def _is_short(long: int, short: int, config: DurationConfig) -> bool:
-    """Whether a plan of `long` steps is short enough, where one of `short` steps does not do."""
+    """Return True if `long` steps are few enough, given that `short` steps are too few."""
     return long - short <= 1 or (long > config.exactly and long <= config.nearly * short)

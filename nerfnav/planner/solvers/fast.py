@@ -4,7 +4,7 @@ Same terms, same ends, same dynamics as adam.py; some hundred iterations of a te
 2,500 of several. Adam with any learning rate falls short: J at the start is nearly all control effort, whose
 curvature spans many orders of magnitude, so what matters is the preconditioner (bfgs.py).
 
-J has many minima. Several first guesses (ways around on either side, corners rounded more and less, the straight
+J has many minima. Several first guesses (paths around on either side, corners rounded more and less, the straight
 line) are first improved with a coarse body and little weight on collision, which lets them slide past what they
 graze; the best few then compete with the full J, and the winner goes on alone.
 """
@@ -16,7 +16,7 @@ from itertools import islice
 import numpy as np
 import torch
 
-from nerfnav.planner.objective.objective import Evaluation, Objective
+from nerfnav.planner.objective.objective import Evaluation, Iterate, Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
 from nerfnav.planner.objective.safety import judge_search
 from nerfnav.planner.risk.costs import CostWeights
@@ -24,102 +24,96 @@ from nerfnav.planner.solvers.bfgs import NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
 from nerfnav.planner.space.ends import check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanStep, PlanSteps
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import limit_uses
 
 _FIRMER = (10.0, 100.0)
-"""How much more limits weigh, in turn, for a plan that ends beyond them."""
+"""Factors on the weight of limits, in turn, for a plan that ends beyond them."""
 _FINER = 4
-"""How many times as many densities are taken to choose between finalists: a body must not slip through a wall."""
+"""Factor on the number of densities for the choice between finalists: a body must not slip through a wall."""
 
 _KEPT = 1e-6
-"""Share of its scale by which a heading may change that is kept: too little to matter, and enough to divide by."""
+"""Share of its scale by which a kept heading may change: too little to matter, and enough to divide by."""
 
 
 @dataclass(frozen=True)
 class ScoutConfig:
-    """How the first guesses are compared."""
+    """Comparison of first guesses by short searches with a coarse body."""
 
     points: int = 24
-    """Body points at which scouts ask for density: a coarse body."""
+    """Body points at which densities are taken: a coarse body."""
     samples_per_step: int = 3
-    """Densities taken along each of their ways through a step."""
+    """Densities taken along the path of each body point through a step."""
     collision: float = 0.1
     """Share of the weight of collision."""
     heat: int = 10
-    """After so many steps only the best `survivors` go on."""
+    """Number of steps after which only the best `survivors` go on."""
     survivors: int = 4
-    """See heat."""
+    """Number of first guesses that go on after `heat` steps."""
     iterations: int = 30
-    """At most so many steps."""
+    """Largest number of steps."""
     finalists: int = 3
-    """How many of the first guesses go on with the full J."""
+    """Number of first guesses that go on with the full J."""
     trial: int = 10
-    """After so many steps with the full J the best goes on alone."""
+    """Number of steps with the full J after which the best goes on alone."""
 
 
 @dataclass(frozen=True)
 class FastPlanConfig:
-    """How Eq. 2 is minimised, fast."""
+    """Settings of the fast minimisation of Eq. 2."""
 
     newton: NewtonConfig = field(default_factory=NewtonConfig)
-    """The search."""
+    """Settings of the search."""
     initial: InitialGuess = InitialGuess.ASTAR
-    """Where it starts."""
+    """Start of the search."""
     search: SearchConfig = field(default_factory=SearchConfig)
-    """Which ways are tried."""
+    """Paths to try."""
     scout: ScoutConfig = field(default_factory=ScoutConfig)
-    """How they are compared."""
+    """Settings of their comparison."""
     weights: CostWeights = field(default_factory=CostWeights)
-    """What the terms of J weigh: the same as the paper's planner by default."""
+    """Weights of the terms of J: by default those of the paper's planner."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
-    """How the field becomes a map for A*."""
+    """Settings of the occupancy map for A*."""
 
     @property
     def iterations(self) -> int:
-        """Most iterations that planning may take."""
+        """Return the largest number of iterations."""
         return self.newton.iterations
 
     @property
     def ways(self) -> SearchConfig:
-        """How ways are looked for where risk counts: a step on which noise hits something for certain costs `risk`, and
-        any other about `control`, for which a robot hovers."""
+        """Return the settings of the path search where risk counts: a step with a certain hit by noise costs `risk`,
+        and any other about `control`, for which a robot hovers."""
         weights = self.weights
         return replace(self.search, danger=weights.risk / weights.control) if weights.control else self.search
 
 
 def plan_fast(
     problem: PlanProblem, config: FastPlanConfig | None = None, occupancy: OccupancyMap | None = None
-) -> Iterator[PlanStep]:
-    """Plan from scratch; yields every iteration with the full J, the last with the best trajectory and the outcome.
+) -> PlanSteps:
+    """Plan from scratch; yield every iteration with the full J, and return the best trajectory.
 
-    J falls from one step to the next of the same `start_index`, but for the last where it must rise to keep limits.
+    J falls from one step to the next of the same `start_index`, but for the result where it must rise to keep limits.
     `occupancy` saves making the map again where the caller has it. Raises InvalidInputError, OutsideBoxError or
     OccupiedError for ends that cannot be planned between, at the first step.
     """
     config = FastPlanConfig() if config is None else config
     guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.ways)
     if not guesses.leads:
-        yield replace(_Desk(problem, guesses.trajectories[0], config).here(), outcome=PlanOutcome.NO_PATH)
-        return
-    yield from improve(problem, guesses.trajectories, config)
+        return _Desk(problem, guesses.trajectories[0], config).here().end(PlanOutcome.NO_PATH)
+    return (yield from improve(problem, guesses.trajectories, config))
 
 
-def replan_fast(
-    problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None
-) -> Iterator[PlanStep]:
-    """Improve a trajectory that is already near a good one, such as `shift_warm_start` gives; yields as `plan_fast`
-    does."""
+def replan_fast(problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None) -> PlanSteps:
+    """Improve a trajectory that is already near a good one, such as `shift_warm_start` gives."""
     check_finite("start", trajectory.start)
     config = FastPlanConfig() if config is None else config
-    yield from improve(problem, (trajectory,), replace(config, newton=config.newton.nearby()))
+    return (yield from improve(problem, (trajectory,), replace(config, newton=config.newton.nearby())))
 
 
-def improve(
-    problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: FastPlanConfig
-) -> Iterator[PlanStep]:
-    """The best that comes of some trajectories between the same ends; yields as `plan_fast` does."""
+def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: FastPlanConfig) -> PlanSteps:
+    """Improve trajectories between the same ends, and return the best one; yield as `plan_fast` does."""
     desk = _Desk(problem, trajectories[0], config)
     starts = [trajectory.free.double().numpy() for trajectory in trajectories]
     inverse = preconditioner(desk.objective.effort_curvature, starts[0], desk.scales, config.newton.prior)
@@ -128,23 +122,23 @@ def improve(
         reached[1] = desk.objective(starts[0])
     order = sorted(reached, key=lambda index: _rank(reached[index]))[: config.scout.finalists]
     searches = {index: desk.search(reached[index], inverse) for index in order}
-    latest: dict[int, tuple[Evaluation, bool]] = {}
+    latest: dict[int, Iterate] = {}
     for index in order:
         for found in islice(searches[index], config.scout.trial if len(order) > 1 else None):
             latest[index] = found
-            yield desk.record(index, found[0])
-    winner = min(order, key=lambda index: desk.fine_total(latest[index][0]))
+            yield desk.record(index, found.point)
+    winner = min(order, key=lambda index: desk.fine_total(latest[index].point))
     for found in searches[winner]:
         latest[winner] = found
-        yield desk.record(winner, found[0])
-    best, settled = desk.within_limits(*latest[winner])
-    outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
-    last = desk.record(winner, best)
-    yield replace(last, outcome=judge_search(problem, last.motion, last.cost, outcome))
+        yield desk.record(winner, found.point)
+    best = desk.within_limits(latest[winner])
+    outcome = PlanOutcome.CONVERGED if best.settled else PlanOutcome.ITERATION_LIMIT
+    last = desk.record(winner, best.point)
+    return last.end(judge_search(problem, last.motion, last.cost, outcome))
 
 
 class _Desk:
-    """What the searches between one start and one goal share."""
+    """Workspace of the searches between one start and one goal."""
 
     def __init__(self, problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig) -> None:
         route, weights, scout = trajectory.route, config.weights, config.scout
@@ -161,48 +155,46 @@ class _Desk:
             self.scales[problem.robot.free_headings(len(self.scales))] *= _KEPT
 
     def _weighing(self, weights: CostWeights, points: int | None = None) -> Objective:
-        """J with other weights, and with a coarser body."""
+        """Make J with other weights, and with a coarser body."""
         context = replace(self._problem.context(weights), points=points)
         return Objective(context, self._trajectory.route, self._problem.terms, self._flat)
 
-    def search(self, start: Evaluation, inverse: np.ndarray) -> Iterator[tuple[Evaluation, bool]]:
-        """The search with the full J."""
+    def search(self, start: Evaluation, inverse: np.ndarray) -> Iterator[Iterate]:
+        """Search with the full J."""
         return minimise(self.objective, start, self.scales, self._config.newton, inverse)
 
     def scout(self, starts: list[np.ndarray], inverse: np.ndarray) -> dict[int, Evaluation]:
-        """Where the most promising first guesses lead with the coarse body, and the full J there."""
+        """Search with the coarse body; return the ends of the most promising guesses, with the full J there."""
         scout = self._config.scout
         newton = replace(self._config.newton, iterations=scout.iterations)
         searches = [minimise(self._light, self._light(free), self.scales, newton, inverse) for free in starts]
         found = {index: _last(islice(search, scout.heat)) for index, search in enumerate(searches)}
-        ahead = sorted(found, key=lambda index: _rank(found[index][0]))[: scout.survivors]
-        return {index: self.objective(_last(searches[index], found[index])[0].free) for index in ahead}
+        ahead = sorted(found, key=lambda index: _rank(found[index].point))[: scout.survivors]
+        return {index: self.objective(_last(searches[index], found[index]).point.free) for index in ahead}
 
-    def within_limits(self, reached: Evaluation, settled: bool) -> tuple[Evaluation, bool]:
-        """The same where it keeps the robot's limits, else what heavier weights on them lead to, where that does, and
-        whether the search that led there had settled.
+    def within_limits(self, reached: Iterate) -> Iterate:
+        """Search on with heavier weights on the robot's limits where a plan exceeds them, if that keeps them.
 
         Penalties end a little beyond what they bound.
         """
-        tried, rests = reached, settled
+        tried = reached
         for firmer in (1.0, *_FIRMER):
             if firmer > 1:
-                weights = self._config.weights
+                weights, free = self._config.weights, tried.point.free
                 firm = self._weighing(replace(weights, limits=firmer * weights.limits))
-                inverse = preconditioner(firm.effort_curvature, tried.free, self.scales, self._config.newton.prior)
-                search = minimise(firm, firm(tried.free), self.scales, self._config.newton, inverse)
-                tried, rests = _last(search)
-            self._flat.forward(tried.free)
+                inverse = preconditioner(firm.effort_curvature, free, self.scales, self._config.newton.prior)
+                tried = _last(minimise(firm, firm(free), self.scales, self._config.newton, inverse))
+            self._flat.forward(tried.point.free)
             if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
-                return (self.objective(tried.free), rests) if firmer > 1 else (reached, settled)
-        return reached, settled
+                return Iterate(self.objective(tried.point.free), tried.settled) if firmer > 1 else reached
+        return reached
 
     def fine_total(self, reached: Evaluation) -> float:
-        """J with so many densities that nothing is missed between them."""
+        """Compute J with so many densities that nothing is missed between them."""
         return _rank(self._fine(reached.free))
 
     def record(self, index: int, reached: Evaluation) -> PlanStep:
-        """The next step to yield."""
+        """Make the next step to yield."""
         self._flat.forward(reached.free)  # the search may have looked elsewhere since
         free = torch.from_numpy(reached.free).to(self._trajectory.free)
         self._count += 1
@@ -210,20 +202,18 @@ class _Desk:
         return PlanStep(self._count - 1, trajectory, self._flat.motion(), reached.cost, start_index=index)
 
     def here(self) -> PlanStep:
-        """The trajectory as it is given."""
+        """Make a step of the trajectory as it is given."""
         return self.record(0, self.objective(self._trajectory.free.double().numpy()))
 
 
 def _rank(reached: Evaluation) -> float:
-    """J, or infinity where it is no number."""
+    """Return J, or infinity where it is not finite."""
     total = reached.cost.total
     return total if np.isfinite(total) else np.inf
 
 
-def _last(
-    found: Iterator[tuple[Evaluation, bool]], before: tuple[Evaluation, bool] | None = None
-) -> tuple[Evaluation, bool]:
-    """The last of what a search yields, or what came before it."""
+def _last(found: Iterator[Iterate], before: Iterate | None = None) -> Iterate:
+    """Run a search; return its last iterate, or `before` where there is none."""
     for each in found:
         before = each
     assert before is not None, "a search yields at least its start"

@@ -1,16 +1,15 @@
-"""Warm start: begin an optimisation with the last plan, shifted in time, drawn back to the robot, or moved to new ends.
+"""Warm start: begin an optimisation with the last plan, shifted in time or moved to new ends.
 
-- `shift_warm_start`: the rest of a plan whose first actions were flown, as seen from where the robot turned out to be;
+- `shift_warm_start`: the rest of a plan whose first actions were flown, as seen from the robot's state;
 - `replan_from`: plan again in flight from that rest, unless it no longer leads to the goal;
-- `replan_moved_ends`: move a plan along with its ends and improve it a little, many times a second.
+- `move_ends`: the last plan between new ends;
+- `replan_moved_ends`: plan again from that, many times a second.
 
-An optimiser that only ever improves the last plan follows it wherever it goes. Before and after the search of
-`replan_from` it is therefore asked whether the plan still ends at the goal, stays clear and is not much costlier than
-what was left of it; where not, paths are searched anew from where the robot is, and the better one is flown.
+An optimiser that only ever improves the last plan follows it wherever it goes. `replan_from` therefore checks before
+and after its search that the plan still ends at the goal, stays clear and costs not much more than what was left of
+it. Otherwise it searches paths anew from the robot's state, and the better plan is flown.
 """
 
-
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -24,7 +23,7 @@ from nerfnav.planner.solvers.fast import FastPlanConfig, improve, plan_fast, rep
 from nerfnav.planner.space.ends import check_ends, check_finite
 from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.space.scales import scales_of
-from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep, PlanSteps, Restart
 from nerfnav.planner.terms.delay import DELAY
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap_angles
@@ -36,7 +35,7 @@ _RECOVERY_S = 1.2
 def shift_warm_start(
     motion: Motion, start: RigidState, goal: RigidState, robot: Robot, *, executed: int = 1, steps: int | None = None
 ) -> Trajectory:
-    """The rest of a motion, as seen from a new start.
+    """Shift a motion in time: its rest after `executed` steps, from a new start.
 
     Left alone, the planned actions would carry the new start (a filter's mean) away from the plan. The waypoints
     follow where they would carry it, fade back to the plan, and end at the goal. `steps` is the new horizon: by
@@ -64,16 +63,17 @@ def shift_warm_start(
 
 @dataclass(frozen=True)
 class WarmStartConfig:
-    """When a plan is given up and made anew."""
+    """Limits beyond which a plan is given up and made anew."""
 
     drift_m: float | None = None
-    """How far from the goal the last plan may end [m]; None: half the robot's width."""
+    """Largest distance from the goal at which the last plan may end [m]; None: half the robot's width."""
     drift_rad: float = 0.2
-    """How much its last heading may differ from the goal's [rad]."""
+    """Largest difference between its last heading and the goal's [rad]."""
     rise: float = 2.0
-    """How many times as dear as what was left of the last plan the new one may be."""
+    """Largest cost of the new plan, as a multiple of that of the rest of the last one."""
     slack: float = 0.5
-    """By how much it may be dearer in any case [J]: noise pushes a robot further off than a cheap plan is worth."""
+    """Increase of the cost that is accepted in any case [J]: noise pushes a robot further off than a cheap plan is
+    worth."""
 
 
 def replan_from(
@@ -83,12 +83,12 @@ def replan_from(
     config: FastPlanConfig,
     occupancy: OccupancyMap | None = None,
     warm: WarmStartConfig | None = None,
-) -> Iterator[PlanStep]:
-    """Plan from `problem.start` with the rest of `last`, of which `executed` steps are done, as hot start.
+) -> PlanSteps:
+    """Plan from `problem.start` with the rest of `last`, of which `executed` steps are done, as warm start.
 
-    Yields as `plan_fast` does. Where the plan had to be made anew, steps say why in `restart`. Start and goal are not
-    checked against the field: a robot must get away from wherever it finds itself. Raises InvalidInputError for a
-    start that is no number.
+    Where the plan had to be made anew, steps and result give the reason in `restart`. Start and goal are not checked
+    against the field: a robot must get away from wherever it finds itself. Raises InvalidInputError for a start that
+    is not finite.
     """
     warm = WarmStartConfig() if warm is None else warm
     check_finite("start", problem.start)
@@ -101,44 +101,46 @@ def replan_from(
         reason = reason or Restart.UNUSABLE
     else:
         expected = _cost_left(problem, last, executed, config)
-        for step in replan_fast(problem, trajectory, config):
-            if kept is not None:
-                yield kept
-            kept = step
-        assert kept is not None, "a planner yields at least one step"
+        kept = yield from replan_fast(problem, trajectory, config)
         reason = _fault(kept, expected, warm) or reason
         if reason is None:
-            yield kept
-            return
-        yield replace(kept, outcome=None)
-    yield from _anew(replace(problem, keeps_headings=False), kept, reason, config, occupancy)
+            return kept
+        yield kept.as_step()
+    return (yield from _plan_anew(replace(problem, keeps_headings=False), kept, reason, config, occupancy))
 
 
-def _anew(
+def _plan_anew(
     problem: PlanProblem,
-    kept: PlanStep | None,
+    kept: PlanResult | None,
     reason: Restart,
     config: FastPlanConfig,
     occupancy: OccupancyMap | None,
-) -> Iterator[PlanStep]:
-    """Ways from where the robot is, as long as they take, then the better of the best of them and `kept`."""
-    problem, guesses = _ways(problem, config, map_for(problem, occupancy or config.occupancy))
-    count, best = 0 if kept is None else kept.iteration + 1, kept
-    if guesses.leads or kept is None:
-        for step in improve(problem, guesses.trajectories, config):
-            if step.outcome is None:
-                yield replace(step, iteration=count, restart=reason)
-                count += 1
-            elif best is None or not step.cost.total >= best.cost.total:
-                best = step if guesses.leads else replace(step, outcome=PlanOutcome.NO_PATH)
-    assert best is not None, "without a plan to keep, another one was made"
-    yield replace(best, iteration=count, restart=reason)
+) -> PlanSteps:
+    """Plan along new paths from the robot's state, as long as they take; return the better of that and `kept`."""
+    problem, guesses = _new_guesses(problem, config, map_for(problem, occupancy or config.occupancy))
+    count = 0 if kept is None else kept.iteration + 1
+    if kept is not None and not guesses.leads:
+        return replace(kept, iteration=count, restart=reason)
+    found = yield from _continue_count(improve(problem, guesses.trajectories, config), count, reason)
+    if kept is None or not found.cost.total >= kept.cost.total:
+        return found if guesses.leads else replace(found, outcome=PlanOutcome.NO_PATH)
+    return replace(kept, iteration=found.iteration, restart=reason)
 
 
-def _ways(
+def _continue_count(steps: PlanSteps, first: int, reason: Restart | None = None) -> PlanSteps:
+    """Count the iterations from `first` on, and note the reason of a restart."""
+    while True:
+        try:
+            step: PlanStep = next(steps)
+        except StopIteration as end:
+            return replace(end.value, iteration=first + end.value.iteration, restart=reason)
+        yield replace(step, iteration=first + step.iteration, restart=reason)
+
+
+def _new_guesses(
     problem: PlanProblem, config: FastPlanConfig, occupancy: OccupancyMap
 ) -> tuple[PlanProblem, FirstGuesses]:
-    """Ways from where the robot is, and the problem with the time that the first takes where that is more."""
+    """Search paths from the robot's state; the problem gets the time that the best one takes where that is more."""
     occupancy = occupancy.remembering()
     length = path_length(problem, occupancy, config.ways)
     steps = estimate_timing(problem.robot, length, problem.dt, problem.dt).steps
@@ -147,15 +149,15 @@ def _ways(
 
 
 def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> tuple[bool, bool]:
-    """Whether the goal is elsewhere than the last plan ends, and whether its heading is another one: with that the rest
-    of the last plan may still be better than any way that is found anew."""
+    """Compare the goal with the end of the last plan: true if it is elsewhere, and if its heading is another one; with
+    that the rest of the last plan may still be better than any new path."""
     apart = last.states[-1].local(problem.goal)
     drift = scales_of(problem.field, problem.robot.body).drift if warm.drift_m is None else warm.drift_m
     return bool(apart[POSITION].norm() > drift), bool(apart[ATTITUDE].norm() > warm.drift_rad)
 
 
 def _rest(problem: PlanProblem, last: Motion, executed: int) -> Trajectory | None:
-    """What is left of the last plan; None where it cannot be carried on."""
+    """Shift the last plan; None where it cannot be continued."""
     try:
         trajectory = shift_warm_start(
             last, problem.start, problem.goal, problem.robot, executed=executed, steps=problem.steps
@@ -166,7 +168,7 @@ def _rest(problem: PlanProblem, last: Motion, executed: int) -> Trajectory | Non
 
 
 def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPlanConfig) -> float:
-    """J of what is left of the last plan, for as many steps as there will be."""
+    """Compute J of the rest of the last plan, for as many steps as there will be."""
     rest = last.left_after(executed)
     left = rest.actions.shape[-2]
     if left == 0:
@@ -181,8 +183,8 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
     return total * max(1.0, problem.steps / left)
 
 
-def _fault(found: PlanStep, expected: float, warm: WarmStartConfig) -> Restart | None:
-    """Why the plan that was carried on will not do."""
+def _fault(found: PlanResult, expected: float, warm: WarmStartConfig) -> Restart | None:
+    """Return the reason to give up a plan that continues the last one; None for a good plan."""
     if found.outcome is PlanOutcome.DIVERGED:
         return Restart.UNUSABLE
     if found.outcome is PlanOutcome.IN_COLLISION:
@@ -191,27 +193,27 @@ def _fault(found: PlanStep, expected: float, warm: WarmStartConfig) -> Restart |
 
 
 _LOST = (PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
-"""Outcomes after which ways are looked for anew."""
+"""Outcomes after which paths are searched anew."""
 
 
 @dataclass(frozen=True)
 class MovedEndsConfig:
-    """How a plan follows its ends."""
+    """Settings of plans whose ends move."""
 
     plan: FastPlanConfig = field(default_factory=FastPlanConfig)
-    """How plans are made from scratch, and what they weigh."""
+    """Settings of plans from scratch, with the weights of J."""
     iterations: int = 12
-    """Most iterations with which a plan that was carried along is improved; the next one goes on from there."""
+    """Most iterations with which a moved plan is improved; the next one goes on from there."""
 
     @property
     def improving(self) -> FastPlanConfig:
-        """The same search, cut short."""
+        """Return the same search, cut short."""
         newton = replace(self.plan.newton, iterations=self.iterations)
         return replace(self.plan, newton=newton, scout=replace(self.plan.scout, iterations=self.plan.scout.heat))
 
 
 def move_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
-    """A motion's waypoints between the ends of `problem`, each moved by its share of what the ends have moved.
+    """Move a motion's waypoints between the ends of `problem`, each by its share of what the ends have moved.
 
         p_k + (1 - s_k) (p'_0 - p_0) + s_k (p'_n - p_n),    s_k = x^2 (3 - 2 x),  x = k / n
 
@@ -225,8 +227,8 @@ def move_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
     moved[:, 3] = torch.remainder(moved[:, 3] + torch.pi, 2 * torch.pi) - torch.pi
     share = torch.linspace(0, 1, len(waypoints))[:, None]
     share = share.square() * (3 - 2 * share)
-    carried = waypoints + (1 - share) * moved[0] + share * moved[1]
-    return Trajectory(problem.robot.encode(carried, start, goal, problem.dt), problem.route)
+    waypoints = waypoints + (1 - share) * moved[0] + share * moved[1]
+    return Trajectory(problem.robot.encode(waypoints, start, goal, problem.dt), problem.route)
 
 
 def replan_moved_ends(
@@ -234,25 +236,20 @@ def replan_moved_ends(
     last: Motion,
     config: MovedEndsConfig | None = None,
     occupancy: OccupancyMap | None = None,
-) -> Iterator[PlanStep]:
-    """Plan with `last`, a plan of as many steps between ends that were near, as warm start; yields as `plan_fast` does.
+) -> PlanSteps:
+    """Plan with `last`, a plan of as many steps between ends that were near, as warm start.
 
-    Where that leads through something dense, ways are looked for anew. Raises what `plan_fast` raises for ends that
+    Where that leads through something dense, paths are searched anew. Raises what `plan_fast` raises for ends that
     cannot be planned between.
     """
-    config = MovedEndsConfig() if config is None else config
-    known = map_for(problem, occupancy or config.plan.occupancy)
-    check_ends(problem.field, problem.robot.body, problem.start, problem.goal, known)
-    carried = move_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
-    count = 0
-    if carried is not None and torch.isfinite(carried.free).all():
-        for step in improve(problem, (carried,), config.improving):
-            count = step.iteration + 1
-            if step.outcome in _LOST:
-                yield replace(step, outcome=None)
-                break
-            yield step
-            if step.outcome is not None:
-                return
-    for step in plan_fast(problem, config.plan, known):
-        yield replace(step, iteration=count + step.iteration)
+    config, count = MovedEndsConfig() if config is None else config, 0
+    occupancy = map_for(problem, occupancy or config.plan.occupancy)
+    check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
+    moved = move_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
+    if moved is not None and torch.isfinite(moved.free).all():
+        found = yield from improve(problem, (moved,), config.improving)
+        if found.outcome not in _LOST:
+            return found
+        yield found.as_step()
+        count = found.iteration + 1
+    return (yield from _continue_count(plan_fast(problem, config.plan, occupancy), count))

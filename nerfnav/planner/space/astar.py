@@ -18,54 +18,54 @@ _CALMNESS = 2.0
 _HELD = 2
 """Waypoints at each end that calming leaves alone: with two, the ends keep their velocity."""
 ROUNDING, TURN, PATH_STEP = 0.06, 0.15, 0.01
-"""Of the paper's robots: length over which the corners of a path are rounded, length of way that a radian of turning
+"""Of the paper's robots: length over which the corners of a path are rounded, distance that a radian of turning
 counts for, and distance of points along a smoothed path [m]. A map's scales have those of others."""
 _LARGE = 1 << 18
 """Voxels from which on a search is guided by a coarse map: it pays from there on."""
 _NEARLY = 1.1
-"""How much dearer than the cheapest the first way may be there: in open space very many are about as cheap."""
+"""Ratio of the first path's cost to the least there: in open space very many are about as cheap."""
 _GREEDIER = 2.0
-"""How many times as greedy later searches are where danger makes prices differ much more than a straight line tells."""
+"""Factor on the greed of later searches where risk makes prices differ much more than the straight line estimates."""
 
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """Which ways are looked for."""
+    """Settings of the path search."""
 
     ways: int = 5
-    """How many, each to keep off the ones before it."""
+    """Number of paths, each to keep off the ones before it."""
     detour: float = 3.0
-    """How much dearer the surroundings of a way become for the next one."""
+    """Factor on the prices around a path for the next one."""
     berth: float | None = None
-    """How far these surroundings reach [m]; None: as the map's scales say."""
+    """Reach of these surroundings [m]; None: from the map's scales."""
     greed: float = 1.5
-    """By how much later ways may be dearer than the best for their prices, so that they are found at once."""
+    """Ratio of later paths' costs to the best for their prices that is accepted, so that they are found at once."""
     roundings: tuple[float, ...] = (1.0, 0.5, 2.0)
-    """Lengths over which the corners of the shortest way are rounded, a first guess for each, in those of the map's
-    scales; other ways take the first."""
+    """Lengths over which the corners of the shortest path are rounded, a first guess for each, in those of the map's
+    scales; other paths take the first."""
     straight: bool = True
-    """Whether to try the straight line too."""
+    """Try the straight line too."""
     danger: float = 0.0
-    """How many metres in the open a metre is worth on which noise hits something for certain, see collision_map.py; 0:
-    the ways of a robot that nothing disturbs. Settings that weigh risk say it themselves."""
+    """Extra cost of a metre on which noise hits something for certain, in metres in the open, see collision_map.py; 0:
+    the paths of a robot without noise. Settings that weigh risk set it themselves."""
 
     @classmethod
     def single(cls) -> "SearchConfig":
-        """The shortest way alone."""
+        """Return the settings of the shortest path alone."""
         return cls(ways=1, roundings=(1.0,), straight=False)
 
 
 def find_path(
     occupancy: OccupancyMap, start: Float[Tensor, "3"], goal: Float[Tensor, "3"]
 ) -> Float[Tensor, "n 3"] | None:
-    """The shortest way from start to goal that prefers clearance [m], both included; None where there is none.
+    """Search the shortest path from start to goal that prefers clearance [m], both included; None where there is none.
 
     A body with a map for each heading must fit with all of them; with `find_paths` it may turn.
     """
     ends = RigidState.at_rest(_tuple(start)), RigidState.at_rest(_tuple(goal))
     any_heading, any_dense = (states.any(0, keepdim=True) for states in (occupancy.by_heading, occupancy.dense))
-    whatever = replace(occupancy, by_heading=any_heading, dense=any_dense)
-    paths = find_paths(whatever, *ends, SearchConfig(ways=1))
+    any_heading_map = replace(occupancy, by_heading=any_heading, dense=any_dense)
+    paths = find_paths(any_heading_map, *ends, SearchConfig(ways=1))
     return paths[0][:, :3] if paths else None
 
 
@@ -74,31 +74,31 @@ def find_paths(
     start: RigidState,
     goal: RigidState,
     config: SearchConfig,
-    dearer: Float[np.ndarray, "m nx ny nz"] | None = None,
+    extra: Float[np.ndarray, "m nx ny nz"] | None = None,
 ) -> list[Float[Tensor, "_ c"]]:
-    """Ways from start to goal, both included, the shortest first; none where there is none.
+    """Search paths from start to goal, both included, the shortest first; empty where there is none.
 
-    Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps. `dearer` is what a
-    metre costs more in each voxel with each heading than by the map alone.
+    Rows are x, y, z [m] and, where the map has headings, the heading [rad], without jumps. `extra` is the
+    cost of a metre beyond the map's price, in each voxel with each heading.
     """
     ends = [_node(occupancy, start), _node(occupancy, goal)]
     if ends[0] is None or ends[1] is None:
         return []
     key = (*ends[0].tolist(), *ends[1].tolist(), config.ways, config.detour, config.berth, config.greed, config.danger)
-    known = None if occupancy.found is None else occupancy.found.get(key)
-    if known is None:
-        prices = occupancy.prices.copy() if dearer is None else occupancy.prices + dearer
-        known = _searched(occupancy, prices, (ends[0], ends[1]), config)
+    found = None if occupancy.found is None else occupancy.found.get(key)
+    if found is None:
+        prices = occupancy.prices.copy() if extra is None else occupancy.prices + extra
+        found = _searched(occupancy, prices, (ends[0], ends[1]), config)
         if occupancy.found is not None:
             occupancy.found.clear()
-            occupancy.found[key] = known
-    return [_path(occupancy, nodes, start, goal) for nodes in known]
+            occupancy.found[key] = found
+    return [_path(occupancy, nodes, start, goal) for nodes in found]
 
 
 def _searched(
     occupancy: OccupancyMap, prices: np.ndarray, ends: tuple[np.ndarray, np.ndarray], config: SearchConfig
 ) -> list[Int[np.ndarray, "_ 4"]]:
-    """The nodes of each way; prices change."""
+    """Search the nodes of each path; prices change."""
     spacing = occupancy.spacing.mean().item()
     turn = occupancy.scales.turn * torch.pi / len(prices) / spacing
     berth = occupancy.scales.berth if config.berth is None else config.berth
@@ -106,8 +106,8 @@ def _searched(
     guide = search.costs_to(prices, ends[1]) if guided else np.zeros((0, 0, 0))
     greeds = (_NEARLY if guided else 1.0, config.greed if config.danger == 0 else _GREEDIER * config.greed)
     found = []
-    for way in range(config.ways):
-        nodes = cheapest_path(prices, ends, turn, greeds[min(way, 1)], guide)
+    for index in range(config.ways):
+        nodes = cheapest_path(prices, ends, turn, greeds[min(index, 1)], guide)
         if len(nodes) == 0:
             break
         found.append(nodes)
@@ -122,13 +122,13 @@ def cheapest_path(
     greed: float,
     guide: Float[np.ndarray, "cx cy cz"],
 ) -> Int[np.ndarray, "n 4"]:
-    """See the kernel of this name; no row where there is no way."""
+    """Search as the kernel of this name; no row where there is no path."""
     nodes = prices.size * (2 if len(prices) > 1 else 1)
     return search.cheapest_path(prices, guide, (np.empty(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
 
 
 def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
-    """The nearest free voxel within reach, and its heading: the state's, or the one nearest to it that fits."""
+    """Find the nearest free voxel within reach, and its heading: the state's, or the one nearest to it that fits."""
     count = len(occupancy.by_heading)
     if count == 1:
         tried = [0]
@@ -148,7 +148,7 @@ def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
 def _path(
     occupancy: OccupancyMap, nodes: np.ndarray, start: RigidState, goal: RigidState
 ) -> Float[Tensor, "n c"]:
-    """World coordinates of a search's nodes between the exact ends."""
+    """Convert a search's nodes to world coordinates between the exact ends."""
     centers = occupancy.centers(torch.from_numpy(nodes[:, 1:]))
     positions = torch.cat([start.position[None], centers, goal.position[None]])
     if len(occupancy.by_heading) == 1:
@@ -159,14 +159,14 @@ def _path(
 
 
 def smooth_path(
-    path: Float[Tensor, "n c"], spread: float = ROUNDING, turn: float = TURN, step: float = PATH_STEP
+    path: Float[Tensor, "n c"], rounding: float = ROUNDING, turn: float = TURN, step: float = PATH_STEP
 ) -> Float[Tensor, "m c"]:
-    """The path with corners rounded over `spread` [m], its ends as they are, points about `step` [m] apart."""
+    """Round the corners of a path over `rounding` [m]; its ends stay, and points are about `step` [m] apart."""
     pieces = lengths(path, turn)
     shares = torch.linspace(0, 1, max(2, round(pieces.sum().item() / step)) + 1)
     dense = _at_shares(path.numpy(), pieces.numpy(), shares.numpy())
-    reach = min(int(3 * spread / step), len(dense) - 1)
-    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (step / spread)))
+    reach = min(int(3 * rounding / step), len(dense) - 1)
+    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (step / rounding)))
     # reflected through the ends, so that these stay where they are and keep their direction
     before = 2 * dense[0] - dense[1 : reach + 1][::-1]
     after = 2 * dense[-1] - dense[-reach - 1 : -1][::-1]
@@ -176,39 +176,41 @@ def smooth_path(
 
 
 def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"], turn: float = TURN) -> Float[Tensor, "m c"]:
-    """Points of a polyline at the given shares of its length, 0 to 1; to turn is to go some way too."""
+    """Resample a polyline at shares of its length, 0 to 1, turns included."""
     return torch.from_numpy(_at_shares(path.numpy(), lengths(path, turn).numpy(), shares.numpy()))
 
 
 def _at_shares(
     points: Float[np.ndarray, "n c"], pieces: Float[np.ndarray, " pieces"], shares: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m c"]:
-    """The same of a polyline whose points are `pieces` [m] apart."""
+    """Resample a polyline whose points are `pieces` [m] apart."""
     reached = np.concatenate([[0.0], np.cumsum(pieces, dtype=np.float64)])
     wanted = shares.astype(np.float64) * reached[-1]
     return np.stack([np.interp(wanted, reached, column) for column in points.T], -1).astype(points.dtype)
 
 
 def scale_headings(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
-    """The path with its headings, where it has some, in metres."""
+    """Scale the headings of a path, where it has some, to metres."""
     if path.shape[-1] < 4:
         return path
     return path * path.new_tensor([1.0, 1.0, 1.0, turn])
 
 
 def lengths(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, " pieces"]:
-    """How far each point of a path is from the one before it [m]; to turn is to go some way too."""
+    """Measure the distance of each point of a path from the one before it [m], turns included."""
     return scale_headings(path, turn).diff(dim=0).norm(dim=-1)
 
 
 def late_steps(steps: int) -> int:
-    """Steps that pass before a robot leaves, of `steps` to its goal: one that must tilt first cannot leave at once."""
+    """Return the steps that pass before a robot leaves, of `steps` to its goal: one that must tilt first cannot leave
+    at once."""
     return min(2, steps // 4)
 
 
 @lru_cache(maxsize=64)
 def ease(steps: int) -> Float[Tensor, " times"]:
-    """Share of the way covered at each time step: minimum jerk (Flash and Hogan, 1985), leaving a little late."""
+    """Compute the share of the path covered at each time step: minimum jerk (Flash and Hogan, 1985), leaving a
+    little late."""
     late = late_steps(steps)
     time = ((torch.arange(steps + 1) - late) / (steps - late)).clamp_min(0)
     return 10 * time**3 - 15 * time**4 + 6 * time**5
@@ -217,7 +219,8 @@ def ease(steps: int) -> Float[Tensor, " times"]:
 def waypoints_along(
     path: Float[Tensor, "n c"], start: RigidState, goal: RigidState, steps: int, turn: float = TURN
 ) -> Float[Tensor, "times 4"]:
-    """Waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out; headings of the path, or the shorter way."""
+    """Make waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out; headings of the path, or the shorter
+    turn."""
     share = ease(steps)
     along = resample(path, share, turn)
     positions = calm(along[:, :3])
@@ -228,7 +231,7 @@ def waypoints_along(
 
 
 def calm(positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """The positions near the given ones with small third differences: min_w |w - p|^2 + calmness |D^3 w|^2.
+    """Smooth positions to small third differences: min_w |w - p|^2 + calmness |D^3 w|^2.
 
     The two positions at each end stay. (Whittaker's smoothing, 1923.)
     """
@@ -237,7 +240,7 @@ def calm(positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
 
 @lru_cache(maxsize=64)
 def _calming(count: int) -> Float[Tensor, "n n"]:
-    """What `calm` does to so many positions: it is linear in them."""
+    """Compute the matrix of `calm` for so many positions: it is linear in them."""
     third = torch.eye(count, dtype=torch.float64).diff(dim=0, n=3)
     matrix = torch.eye(count, dtype=torch.float64) + _CALMNESS * third.T @ third
     held = torch.zeros(count, dtype=torch.bool)

@@ -1,9 +1,9 @@
 """Border of a field's box: space beyond it is unproven, so the whole body must stay inside.
 
-Fields are empty beyond their boxes, as pictures want it. Planning takes what is there for unproven, and what is
-unproven for solid:
+Fields are empty beyond their boxes, as rendering needs it. For planning, that space counts as unproven, and unproven
+space as solid:
 
-- judges (bounds, clearance, ends) ask for `density_within`: what is beyond is as dense as what is taken for solid;
+- judges (bounds, clearance, ends) take `density_within`: space beyond is as dense as solid space;
 - maps have no place for a body that would reach beyond (`mark_beyond`);
 - J has the penalty `outside`, which begins a little before the border, for it ends a little beyond what it bounds.
 """
@@ -28,7 +28,7 @@ _EARLY = 0.05
 
 
 def is_beyond(box: Box, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
-    """Whether points [m] lie beyond the border."""
+    """Mark points [m] beyond the border."""
     lower, upper = (edge.to(points) for edge in (box.lower, box.upper))
     rim = _RIM * (upper - lower)
     return ((points < lower - rim) | (points > upper + rim)).any(-1)
@@ -37,7 +37,7 @@ def is_beyond(box: Box, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*bat
 def density_within(
     box: Box, points: Float[Tensor, "*batch 3"], density: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch"]:
-    """A field's density at points [1/m], and beyond its border that of what is taken for solid."""
+    """Return a field's density at points [1/m], and beyond its border that of solid space."""
     return torch.where(is_beyond(box, points), torch.full_like(density, SOLID_BEYOND), density)
 
 
@@ -47,29 +47,29 @@ def bordered_density(field: Field, points: Float[Tensor, "*batch 3"]) -> Float[T
 
 
 def reaches_beyond(box: Box, body: Body, state: RigidState) -> bool:
-    """Whether a body has a point beyond the border."""
+    """Return True if a body has a point beyond the border."""
     return bool(is_beyond(box, body.points_at(state)).any())
 
 
 def holds_level(box: Box, body: Body, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-    """At which points [m] the whole body is in the box as long as it is level, whatever its heading."""
+    """Mark the points [m] at which the whole body is in the box as long as it is level, with any heading."""
     side, tall = 0.5 * max(body.extents[:2]), 0.5 * body.extents[2]
     reach = points.new_tensor([side, side, tall])
     return ~(is_beyond(box, points - reach) | is_beyond(box, points + reach))
 
 
 def room_to_border(box: Box, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-    """Distance of points in the box to its border [m]; at most 0 beyond."""
+    """Measure the distance of points in the box to its border [m]; at most 0 beyond."""
     return torch.minimum(points - box.lower.to(points), box.upper.to(points) - points).amin(-1)
 
 
 def reach_of(body: Body) -> Float[np.ndarray, "3"]:
-    """Half of the body's edges [m], and by how much the penalty begins before the border."""
+    """Return half of the body's edges [m], with the distance by which the penalty begins before the border."""
     return 0.5 * np.array(body.extents) + _EARLY * min(body.extents[:2])
 
 
 def outside(box: Box, motion: Motion, body: Body) -> Float[Tensor, "*batch"]:
-    """Squared distance by which the box around the body reaches beyond the border [m^2], summed over sides and time.
+    """Sum the squared distance by which the box around the body reaches beyond the border over sides and time [m^2].
 
     An edge of half length h along the body's axis j reaches h |R_ij| along the world's axis i; the absolute value is
     taken as sqrt(R_ij^2 + SMOOTH).
@@ -100,6 +100,6 @@ def mark_beyond(marked: np.ndarray, headings: list[float], body: Body, box: Box,
 
 
 def _holds(box: Box, axis: int, lower: float, upper: float) -> bool:
-    """Whether the box spans an interval [m] along an axis."""
+    """Return True if the box spans an interval [m] along an axis."""
     rim = _RIM * float(box.size[axis])
     return float(box.lower[axis]) - rim <= lower and upper <= float(box.upper[axis]) + rim

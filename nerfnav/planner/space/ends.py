@@ -1,4 +1,4 @@
-"""Check a start and a goal: whether a body fits there, what is wrong where not, and the nearest pose that does."""
+"""Ends of a plan: check that a body fits at start and goal, and find the nearest pose where it does."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from nerfnav.planner.space.scales import Scales, scales_of
 from nerfnav.robots import Body, RigidState
 
 _CANDIDATES = 500
-"""How many free voxels are tried at most."""
+"""Largest number of free voxels that are tried."""
 
 
 def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, occupancy: OccupancyMap) -> None:
@@ -41,14 +41,14 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
 
 
 def fits(field: Field, body: Body, state: RigidState, threshold: float | None = None) -> bool:
-    """Whether a body can be at a state: all of it in the field's box, and nowhere in a density [1/m] above the
+    """Return True if a body can be at a state: all of it in the field's box, and nowhere in a density [1/m] above the
     threshold, by default that of maps."""
     threshold = scales_of(field, body).threshold if threshold is None else threshold
     return body_density(field, body, state) <= threshold
 
 
 def explain_unfit(field: Field, body: Body, state: RigidState) -> str:
-    """What is wrong with a state in which a body does not fit, to go on after its name."""
+    """Explain in words why a body does not fit at a state, to go on after the name of the state."""
     if reaches_beyond(field.box, body, state):
         return "is so near the border of the field that the robot would reach beyond it"
     return "is in occupied space"
@@ -62,9 +62,9 @@ def check_finite(name: str, state: RigidState) -> None:
 
 
 def nearest_free_pose(field: Field, body: Body, state: RigidState, occupancy: OccupancyMap) -> RigidState | None:
-    """The nearest state in which the body fits, turned where the map tells headings apart; None if out of reach.
+    """Find the nearest state in which the body fits, turned where the map has headings; None if out of reach.
 
-    Its position has as many decimals as are told to people: whole centimetres for the paper's robot. The attitude of
+Its position has as many decimals as users see: whole centimetres for the paper's robot. The attitude of
     `state` comes first, and others only where that fits nowhere within reach.
     """
     count = len(occupancy.by_heading)
@@ -80,7 +80,8 @@ def nearest_free_pose(field: Field, body: Body, state: RigidState, occupancy: Oc
 def _first_fit(
     field: Field, body: Body, states: tuple[RigidState, ...], occupancy: OccupancyMap, near: RigidState
 ) -> RigidState | None:
-    """The first of the states in whose attitude the body fits, at the nearest free voxel, rounded as it is told."""
+    """Find the first of the states in whose attitude the body fits, at the nearest free voxel, rounded as users see
+    it."""
     scales, rounding = occupancy.scales, 10**occupancy.scales.decimals
     flat = occupancy.by_heading.shape[-1] == 1  # one height alone: keep it exactly
     for center in occupancy.nearest_free_voxels(near.position, scales.search)[:_CANDIDATES]:

@@ -1,4 +1,4 @@
-"""Occupancy map: where a body fits, what is dense pooled over the body's size, on a grid coarse enough to search.
+"""Occupancy map: density pooled over the body's size, on a grid coarse enough to search.
 
 A voxel is occupied where a body placed at its centre would hold something dense: the density exceeds a threshold. The
 map belongs to a field and a body: make it once and plan on it many times. A body that is longer than wide has one map
@@ -6,10 +6,9 @@ for each heading, since it may fit through a gap that it must turn for.
 
 Maps are pooled from columns: where the field is dense over the height of the body. Of a field on a grid all cells are
 looked at (kernels/maps.py): pooling never makes free what is not. Fields of the paper's scale, where specks of a node
-stand in all free space, and fields that are no grid, are asked at points, as finely as the config says; maps of one
+stand in all free space, and fields that are no grid, are sampled at points, as finely as the config says; maps of one
 height at points a quarter of the nodes' distance apart. `OccupancyConfig.exact` changes that.
 """
-
 
 import math
 from copy import copy
@@ -38,7 +37,7 @@ _RIM = 1e-6
 
 
 def marked_columns(field: GridField, body: Body, scales: Scales, parts: int) -> UInt8[np.ndarray, "fx fy nz"]:
-    """Whether a cell of the grid is dense anywhere over the body's height around a voxel's, within half a column."""
+    """Mark columns with a dense cell of the grid over the body's height around a voxel's, within half a column."""
     box = field.box.to("cpu")
     nx, ny, nz = shape_for(box, scales.voxel)
     columns = np.zeros(((nx - 1) * parts + 1, (ny - 1) * parts + 1, nz), np.uint8)
@@ -50,7 +49,8 @@ def marked_columns(field: GridField, body: Body, scales: Scales, parts: int) -> 
 
 
 def sampled_columns(field: Field, body: Body, scales: Scales, parts: int) -> UInt8[np.ndarray, "fx fy nz"]:
-    """Whether a sample over the body's height around a voxel's is dense; x and y as fine as samples are taken."""
+    """Mark columns with a dense sample over the body's height around a voxel's; x and y as fine as samples are
+    taken."""
     box = field.box.to("cpu")
     fx, fy, fz = ((count - 1) * parts + 1 for count in shape_for(box, scales.voxel))
     dense = dense_at(field, node_positions(box, (fx, fy, fz)), scales.threshold)
@@ -60,7 +60,7 @@ def sampled_columns(field: Field, body: Body, scales: Scales, parts: int) -> UIn
 
 
 def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: float) -> UInt8[np.ndarray, "fx fy 1"]:
-    """Whether a column is dense at one height [m], exactly over the height of the body's points."""
+    """Mark columns that are dense at one height [m], exactly over the height of the body's points."""
     box = field.box.to("cpu")
     nx, ny, _ = ((count - 1) * parts + 1 for count in shape_for(box, scales.voxel))
     levels = build_levels(body, height)
@@ -70,7 +70,7 @@ def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: 
 
 
 def build_levels(body: Body, height: float) -> Float[Tensor, " levels"]:
-    """The heights of a body's points [m], of one whose middle is at `height` [m]."""
+    """Return the heights of a body's points [m], with its middle at `height` [m]."""
     return height + body.points_body[:, 2].unique()
 
 
@@ -80,7 +80,7 @@ def covered(
     outlines: Float[np.ndarray, "m 3"],
     spacing: Float[np.ndarray, "2"],
 ) -> Bool[np.ndarray, "m nx ny nz"]:
-    """Where a body at every `parts`-th column covers one that is dense, with each of its outlines; see the kernel
+    """Mark places at every `parts`-th column where a body covers a dense one, with each of its outlines; see the kernel
     `mark_bodies`."""
     nx, ny = ((count - 1) // parts + 1 for count in columns.shape[:2])
     marked = np.zeros((len(outlines), nx, ny, columns.shape[2]), np.uint8)
@@ -90,7 +90,7 @@ def covered(
 
 
 def flat_box(box: Box, height: float) -> Box:
-    """The layer of a box at one height [m]."""
+    """Cut the layer of a box at one height [m]."""
     lower, upper = box.lower.clone(), box.upper.clone()
     lower[2] = upper[2] = height
     return Box(lower, upper)
@@ -100,7 +100,7 @@ def flat_box(box: Box, height: float) -> Box:
 def dense_at(
     field: Field, points: Float[Tensor, "*shape 3"], threshold: float
 ) -> UInt8[Tensor, "*shape"]:
-    """Whether the density at each point is above a threshold [1/m]."""
+    """Mark points with a density above a threshold [1/m]."""
     like, parts = field.box.lower, points.reshape(-1, 3).split(_POINTS_AT_ONCE)
     if isinstance(field, GridField):
         # the border belongs to the box, whatever rounding makes of it
@@ -114,7 +114,7 @@ def dense_at(
 
 
 def pooled(dense: UInt8[Tensor, "nx ny nz"], reach: int) -> UInt8[Tensor, "nx ny nz"]:
-    """Whether anything within `reach` nodes along z is dense."""
+    """Mark nodes with a dense one within `reach` nodes along z."""
     if reach == 0:
         return dense
     rows = dense.reshape(1, -1, dense.shape[-1]).float()
@@ -123,13 +123,13 @@ def pooled(dense: UInt8[Tensor, "nx ny nz"], reach: int) -> UInt8[Tensor, "nx ny
 
 
 _BYTES, _BYTES_BY_HEADING = 4, 35
-"""What a voxel takes, at most, while a map is made and searched: columns, and for each heading its two states, its
-price twice, and what a search notes."""
+"""Largest memory of a voxel while a map is made and searched [bytes]: columns, and for each heading its two states, its
+price twice, and the notes of a search."""
 
 
 @dataclass(frozen=True)
 class OccupancyConfig:
-    """How a field becomes a map; what is None follows from the place and the body (see Scales)."""
+    """Settings of an occupancy map; None follows from the place and the body (see Scales)."""
 
     threshold: float | None = None
     """Density above which a place counts as occupied [1/m]."""
@@ -140,43 +140,43 @@ class OccupancyConfig:
     clearance: float | None = None
     """Distance to occupied space [m] beyond which a path has no reason to keep off further."""
     clearance_weight: float = 1.0
-    """How much dearer than open space a metre along a wall is."""
+    """Extra cost of a metre along a wall, in metres of open space."""
     slender: float = 1.5
     """A body whose length and width differ by more than this factor gets a map for each heading."""
     headings: int | None = None
     """Headings over half a turn for such a body; a box turned by half a turn covers the same."""
     exact: bool | None = None
-    """Whether whatever is dense in a grid counts, however small; None: where nodes are more than 17 mm apart."""
+    """Count every dense cell of a grid, however small; None: where nodes are more than 17 mm apart."""
 
     def scales(self, field: Field, body: Body) -> Scales:
-        """The scales of a body in a field, with what this says."""
+        """Compute the scales of a body in a field, with these settings."""
         return scales_of(field, body, self.voxel, self.threshold)
 
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """Which voxels a body can stand in."""
+    """Occupancy map: the voxels in which a body does not fit."""
 
     box: Box
-    """Where the field is defined; voxel centres stand on its borders too. Flat for a map of one height."""
+    """Box of the field; voxel centres stand on its borders too. Flat for a map of one height."""
     by_heading: Bool[Tensor, "m nx ny nz"]
-    """Whether a body at the voxel's centre, heading i pi / m, would be in dense space or reach beyond the border of the
-    field's box; m = 1: whatever its heading."""
+    """True if a body at the voxel's centre, heading i pi / m, would be in dense space or reach beyond the border of the
+    field's box; m = 1: with any heading."""
     dense: Bool[Tensor, "m nx ny nz"]
-    """The same of dense space alone, for what has no reason to keep off the border: prices, and the chance of being
-    pushed, for which what is a little beyond is like what is a little inside."""
+    """The same of dense space alone, for prices and the collision map, for which space a little beyond the border is
+    like space a little inside."""
     config: OccupancyConfig
-    """What it was made with."""
+    """Settings with which it was made."""
     scales: Scales
     """The lengths that it was made with, and that searches on it have."""
     found: dict[tuple[object, ...], list[np.ndarray]] | None = field(default=None, compare=False, repr=False)
-    """Ways that were found on it last, by what was asked (see astar.py); None where every search is made anew."""
+    """Paths that were found on it last, by their query (see astar.py); None where every search is made anew."""
 
     @classmethod
     def of(
         cls, field: Field, body: Body, config: OccupancyConfig | None = None, height: float | None = None
     ) -> "OccupancyMap":
-        """Ask `field` where it is dense, and pool that over the size of `body`.
+        """Pool the dense parts of `field` over the size of `body`.
 
         With a `height` [m], the map has only the voxels at that height, for a body that never leaves it. Raises
         InvalidInputError where the memory cannot hold the map, before it is made.
@@ -194,7 +194,7 @@ class OccupancyMap:
                 else sampled_columns(field, body, scales, parts)
             )  # fmt: skip
         else:
-            parts = max(parts, math.ceil(4 * scales.voxel / float(field.spacing.max()) - 1e-6)) if exact else parts
+            parts = max(parts, math.ceil(4 * scales.voxel / field.resolution - 1e-6)) if exact else parts
             columns, box = layer_columns(field, body, scales, parts, height), flat_box(box, height)
         spacing = spacing_of(box, (*columns.shape[:2], 2))[:2].double().numpy()
         dense = covered(columns, parts, _outlines(body, headings, spacing, exact), spacing)
@@ -203,36 +203,37 @@ class OccupancyMap:
         return cls(box, torch.from_numpy(marked), torch.from_numpy(dense), config, scales)
 
     def remembering(self) -> "OccupancyMap":
-        """The same map, on which one way is not searched twice in a row: for plans that differ in duration alone."""
+        """Return the same map, on which one path is not searched twice in a row: for plans that differ in duration
+        alone."""
         assert len(self.prices), "made here, for both"
         other = copy(self)
         object.__setattr__(other, "found", {})
         return other
 
     def is_of(self, height: float) -> bool:
-        """Whether this is the map of one height [m], to rounding."""
+        """Return True if this is the map of one height [m], to rounding."""
         flat = self.by_heading.shape[-1] == 1
         return flat and abs(self.box.lower[2].item() - height) <= 1e-6 * (1 + abs(height))
 
     @property
     def clearance(self) -> float:
-        """Distance to occupied space beyond which a path has no reason to keep off further [m]."""
+        """Return the distance to occupied space beyond which a path has no reason to keep off further [m]."""
         return self.scales.clearance if self.config.clearance is None else self.config.clearance
 
     @cached_property
     def occupied(self) -> Bool[Tensor, "nx ny nz"]:
-        """Whether the body does not fit at the voxel's centre, whatever its heading."""
+        """Mark voxels at whose centres the body does not fit with any heading."""
         return self.by_heading.all(0)
 
     @cached_property
     def spacing(self) -> Float[Tensor, "3"]:
-        """Distance of voxel centres along x, y, z [m]."""
+        """Return the distance of voxel centres along x, y, z [m]."""
         counts = torch.tensor(self.by_heading.shape[1:]) - 1
         return torch.where(counts > 0, self.box.size / counts.clamp_min(1), self.scales.voxel)
 
     @cached_property
     def prices(self) -> np.ndarray:
-        """What a metre costs in each voxel, (m, nx, ny, nz) float64 >= 1: more near walls, infinite where there is no
+        """Compute the cost of a metre in each voxel, (m, nx, ny, nz) float64 >= 1: more near walls, infinite without
         room for the body."""
         spacing = self.spacing.double().numpy()
         each = [
@@ -246,7 +247,8 @@ class OccupancyMap:
     def nearest_free_voxels(
         self, point: Float[Tensor, "3"], reach: float, heading: int | None = None
     ) -> Float[Tensor, "n 3"]:
-        """Centres of voxels within `reach` [m] of `point` that are free with that, or any, heading, the nearest first.
+        """List centres of voxels within `reach` [m] of `point` that are free with that, or any, heading, the nearest
+        first.
         """
         occupied = self.occupied if heading is None else self.by_heading[heading]
         lower = ((point - reach - self.box.lower) / self.spacing).ceil().long().clamp_min(0)
@@ -259,30 +261,31 @@ class OccupancyMap:
         return centers[order[distance[order] <= reach]]
 
     def centers(self, index: Tensor) -> Float[Tensor, "n 3"]:
-        """World positions [m] of voxels, given as integer (i, j, k)."""
+        """Convert voxels, given as integer (i, j, k), to world positions [m]."""
         return self.box.lower + index * self.spacing
 
     def index(self, point: Float[Tensor, "3"]) -> np.ndarray:
-        """The voxel (i, j, k) whose centre is nearest to a point in the box [m]."""
+        """Find the voxel (i, j, k) whose centre is nearest to a point in the box [m]."""
         index = ((point - self.box.lower) / self.spacing).round().long()
         return torch.minimum(index.clamp_min(0), torch.tensor(self.by_heading.shape[1:]) - 1).numpy()
 
 
 def body_density(field: Field, body: Body, state: RigidState) -> float:
-    """The largest density at any point of the body [1/m]; what is beyond the field's box is as dense as solid space."""
+    """Find the largest density at any point of the body [1/m]; what is beyond the field's box is as dense as solid
+    space."""
     with torch.no_grad():
         return bordered_density(field, body.points_at(state)).max().item()
 
 
 def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:
-    """Whether all cells of a field are looked at."""
+    """Return True if all cells of a field are checked."""
     if not isinstance(field, GridField):
         return False
-    return float(field.spacing.max()) > PAPERS_GRAIN if config.exact is None else config.exact
+    return field.resolution > PAPERS_GRAIN if config.exact is None else config.exact
 
 
 def headings_of(config: OccupancyConfig, scales: Scales) -> list[float]:
-    """The headings that maps are made for [rad]; a single one where a body is about as long as wide."""
+    """Return the headings for which maps are made [rad]; a single one where a body is about as long as wide."""
     if scales.length <= config.slender * scales.width:
         return [0.0]
     count = scales.headings if config.headings is None else config.headings
@@ -292,9 +295,10 @@ def headings_of(config: OccupancyConfig, scales: Scales) -> list[float]:
 def _outlines(
     body: Body, headings: list[float], spacing: Float[np.ndarray, "2"], exact: bool
 ) -> Float[np.ndarray, "m 3"]:
-    """Half length and half width [m] over which columns count, and heading [rad], of the body in each of its maps.
+    """Return half length and half width [m] over which columns count, and heading [rad], of the body in each of its
+    maps.
 
-    A column `spacing` [m] from the next stands for what is half a column around it.
+A column `spacing` [m] from the next stands for what is half a column around it.
     """
     length, width, _ = body.extents
     if len(headings) == 1:  # any heading, and what is cut off at the corners costs clearance

@@ -1,7 +1,7 @@
 """Connected components of free space on an occupancy map, and the ground that wheels can stand on.
 
 A body gets from one voxel to another only within one component. What is left of it after erosion keeps that far off
-whatever is solid, so that a plan through it has room.
+solid space, so that a plan through it has room.
 """
 
 import math
@@ -19,29 +19,29 @@ from nerfnav.planner.space.scales import grain_of, threshold_of
 from nerfnav.robots import Body
 
 _ROOMS = (2.5, 1.0, 0.0)
-"""Erosions that are tried [voxels]: the clearance that paths like to keep first."""
+"""Erosions that are tried [voxels]: first the clearance that paths prefer."""
 _COLUMNS, _LEVELS = 120, 240
-"""Most samples along each horizontal edge and along the height when ground is looked for."""
+"""Most samples along each horizontal edge and along the height in the search for ground."""
 _FLOORS = 3
-"""How many heights with the most ground are tried."""
+"""Number of heights with the most ground that are tried."""
 _GAPS = (1.0, 2.0, 3.5)
 """Distances of the body's underside from the ground that are tried [nodes of the field]: the haze on it is solid."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """Free space in which a body gets from everywhere to everywhere."""
+    """Component of free space, in which a body gets from everywhere to everywhere."""
 
     occupancy: OccupancyMap
-    """The map that it is of."""
+    """Occupancy map of the region."""
     inside: Bool[np.ndarray, "nx ny nz"]
-    """Which voxels belong to it."""
+    """True for the voxels of the region."""
     room: float
-    """How far off solid space all of them are, at least [m]."""
+    """Least distance of its voxels from solid space [m]."""
 
     @property
     def extent(self) -> float:
-        """Diagonal of the box around it [m]."""
+        """Measure the diagonal of the box around it [m]."""
         spans = [np.flatnonzero(self.inside.any(axes)) for axes in ((1, 2), (0, 2), (0, 1))]
         edges = [(span[-1] - span[0]) if len(span) else 0 for span in spans]
         return float(np.linalg.norm(np.array(edges) * self.occupancy.spacing.numpy()))
@@ -50,7 +50,7 @@ class Region:
 def free_regions(
     occupancy: OccupancyMap, supported: Bool[np.ndarray, "nx ny nz"] | None = None
 ) -> Iterator[Region]:
-    """The largest component of free space, the roomiest first: eroded by 2.5 voxels, by one, and as it is.
+    """Yield the largest component of free space, the roomiest first: eroded by 2.5 voxels, by one, and as it is.
 
     Where that is all there is, at last that in which a slender body fits with some heading instead of with any.
     `supported` are the voxels that count at all; without it, all do.
@@ -69,9 +69,10 @@ def free_regions(
 def ground_regions(
     matter: Field, body: Body, box_map: Callable[[float], OccupancyMap]
 ) -> Iterator[Region]:
-    """Free regions of a body that stands on the ground, one for each height at which there is ground, best first.
+    """Yield free regions of a body that stands on the ground, one for each height at which there is ground, best first.
 
-    `matter` is the field as it was learned: unproven space carries nobody. `box_map` gives the map of a height [m].
+    `matter` is the field as it was learned: unproven space does not support a robot. `box_map` gives the map of a
+    height [m].
     """
     found: list[tuple[float, Region]] = []
     levels = _Levels.of(matter, body)
@@ -88,10 +89,10 @@ def ground_regions(
 
 @dataclass(frozen=True)
 class _Levels:
-    """Where there is ground under free space."""
+    """Levels with ground under free space."""
 
     tops: Bool[np.ndarray, "fx fy nz"]
-    """Whether something solid ends at a level, with room for the body above."""
+    """True where something solid ends at a level, with room for the body above."""
     z: Float[np.ndarray, " nz"]
     """Heights of the levels [m]."""
     grain: float
@@ -114,7 +115,7 @@ class _Levels:
         return cls(solid & ~blocked, z, max(grain, float(z[1] - z[0])), 0.5 * body.extents[2])
 
     def heights(self) -> Iterator[tuple[int, tuple[float, float]]]:
-        """Heights of the body's middle and gaps below it [m], with the number of the gap."""
+        """List heights of the body's middle and gaps below it [m], with the number of the gap."""
         counts = self.tops.sum((0, 1)).astype(float)
         counts = np.convolve(counts, [0.5, 1.0, 0.5], mode="same")
         for _ in range(_FLOORS):
@@ -128,7 +129,7 @@ class _Levels:
             counts[max(0, best - 3) : best + 4] = 0
 
     def supported(self, height: float, gap: float, shape: tuple[int, ...]) -> Bool[np.ndarray, "nx ny 1"]:
-        """Where ground is right below a body at that height."""
+        """Mark the places with ground right below a body at that height."""
         bottom = height - self.half
         near = (self.z <= bottom) & (self.z >= bottom - gap - 3 * self.grain - self.half)
         coarse: np.ndarray = np.any(self.tops[..., near], axis=-1)
@@ -140,7 +141,7 @@ class _Levels:
 
 
 def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[np.ndarray, "nx ny nz"]:
-    """How far each voxel is from what is not free, the border of the box included [m]."""
+    """Measure the distance of each voxel from space that is not free, the border of the box included [m]."""
     around = tuple((1, 1) if count > 1 else (0, 0) for count in free.shape)
     padded = np.pad(free, around)
     distance = np.asarray(ndimage.distance_transform_edt(padded, sampling=spacing))
@@ -149,13 +150,13 @@ def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[
 
 
 def _labelled(mask: Bool[np.ndarray, "nx ny nz"]) -> tuple[Int[np.ndarray, "nx ny nz"], int]:
-    """Connected components over faces: their numbers from 1, 0 where there is none, and how many there are."""
+    """Label connected components over faces: numbers from 1, 0 where there is none, and their count."""
     labels = np.zeros(mask.shape, np.int32)
     return labels, int(ndimage.label(mask, output=labels))  # type: ignore[arg-type]
 
 
 def _largest(mask: Bool[np.ndarray, "nx ny nz"]) -> Bool[np.ndarray, "nx ny nz"]:
-    """The largest part that hangs together over faces."""
+    """Select the largest component over faces."""
     labels, count = _labelled(mask)
     if count <= 1:
         return mask

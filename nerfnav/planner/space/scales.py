@@ -1,7 +1,7 @@
 """Scales of planning: lengths that follow from how finely the place is known and from how large the robot is.
 
-What suits the paper's robot, 10 cm wide, in its place of two metres with voxels of 13 mm suits no hall and no doll's
-house. Everything that is a length on a map, or a density on it, follows from three: the width w of the body, the
+Lengths for the paper's robot, 10 cm wide, in its place of two metres with voxels of 13 mm suit no hall and no doll's
+house. Every length on a map, and every density on it, follows from three: the width w of the body, the
 distance h of the field's nodes, and the volume V of its box. For the paper's robot in the bundled worlds the rules give
 what was chosen there by hand: voxels of 4 cm, a clearance of 10 cm, and so on.
 """
@@ -15,7 +15,7 @@ from nerfnav.field.core.occupancy import PAPERS_GRAIN
 from nerfnav.robots import Body
 
 _MOST_VOXELS = 24_000_000
-"""Of a map: a gigabyte while a way is looked for."""
+"""Largest number of voxels of a map: a gigabyte during a search."""
 _PAPERS_VOXEL = 0.04
 """Voxels of maps are no larger in such places [m]."""
 _SHARE_OF_WIDTH = 0.4
@@ -37,7 +37,7 @@ class Scales:
     voxel: float
     """Distance of the map's voxels [m]: 0.4 w, so that a gap of 1.6 w is found wherever it lies between them. At most
     3.2 h, for a map may be as fine as costs nothing where the place is small for the robot; at least h, for a finer one
-    tells nothing more; and so large that the box has no more of them than memory and patience allow."""
+    shows nothing more; and so large that the box has no more of them than memory and patience allow."""
     threshold: float
     """Density above which a place counts as solid [1/m]: 5 / m in places of the paper's scale, h <= 17 mm, and less in
     larger ones, 5 / m (17 mm / h), as the density of a wall one voxel thick is. At most 0.6 / w: a body in there would
@@ -55,12 +55,13 @@ class Scales:
 
     @property
     def snap(self) -> float:
-        """How far from an end a search may begin: 3 w, and two voxels where these are large."""
+        """Largest distance from an end at which a search may begin: 3 w, and two voxels where these are large."""
         return max(3 * self.width, 2 * self.voxel)
 
     @property
     def search(self) -> float:
-        """How far from an occupied end a free point is looked for: 10 w, and five voxels where these are large."""
+        """Distance from an occupied end within which a free point is searched: 10 w, and five voxels where these are
+        large."""
         return max(10 * self.width, 5 * self.voxel)
 
     @property
@@ -70,12 +71,12 @@ class Scales:
 
     @property
     def turn(self) -> float:
-        """Length of way that a radian of turning counts for: half of a body that must turn at all."""
+        """Distance that a radian of turning counts for: half of a body that must turn at all."""
         return 0.5 * self.length
 
     @property
     def berth(self) -> float:
-        """How far around a way its surroundings become dearer for the next one: 4 voxels."""
+        """Distance around a path within which the next one costs more: 4 voxels."""
         return 4 * self.voxel
 
     @property
@@ -90,22 +91,23 @@ class Scales:
 
     @property
     def reach(self) -> float:
-        """How far around a plan solid space is looked for: 5 w."""
+        """Distance around a plan within which solid space is searched: 5 w."""
         return 5 * self.width
 
     @property
     def drift(self) -> float:
-        """How far from the goal a plan may end that is carried on: half a body's width."""
+        """Largest distance from the goal at which a plan that is continued may end: half a body's width."""
         return 0.5 * self.width
 
     @cached_property
     def decimals(self) -> int:
-        """Decimals of positions told to people: of paths' points [m], two for the paper's robot."""
+        """Decimals of positions for users: of paths' points [m], two for the paper's robot."""
         return max(0, math.ceil(-math.log10(self.path_step) - 1e-6))
 
 
 def scales_of(field: Field, body: Body, voxel: float | None = None, threshold: float | None = None) -> Scales:
-    """The scales of a robot's body in a field; a voxel [m] or threshold [1/m] that is given is taken as it is."""
+    """Compute the scales of a robot's body in a field; a voxel [m] or threshold [1/m] that is given is taken as it
+    is."""
     length, width = (edge or _OF_A_POINT for edge in (max(body.extents[:2]), min(body.extents[:2])))
     grain, wanted = grain_of(field), _SHARE_OF_WIDTH * width
     if grain is not None:
@@ -116,16 +118,17 @@ def scales_of(field: Field, body: Body, voxel: float | None = None, threshold: f
 
 
 def threshold_of(field: Field, width: float | None = None) -> float:
-    """Density above which a place counts as solid [1/m], for a body of a width [m] or for anybody; see Scales."""
+    """Compute the density above which a place counts as solid [1/m], for a body of a width [m] or any body; see
+    Scales."""
     solid = field.solid_density if isinstance(field, GridField) else SOLID_DENSITY
     return solid if width is None else min(solid, _HITS / width)
 
 
 def grain_of(field: Field) -> float | None:
-    """How far apart are the points between which a field tells nothing [m]; None where it has no such distance."""
+    """Return the resolution of a field [m]; None where it has none."""
     if isinstance(field, GridField):
-        return float(field.spacing.max())
-    step = getattr(field, "step", None)  # of networks: half of what they can tell
+        return field.resolution
+    step = getattr(field, "step", None)  # of networks: half of their resolution
     return None if step is None else 2 * float(step)
 
 

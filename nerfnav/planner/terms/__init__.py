@@ -1,7 +1,7 @@
-"""The terms of J (paper Eq. 2), one file for each: the one list that every planner, judge and report reads.
+"""Registry of the terms of J (paper Eq. 2), one file for each: every planner, judge and report reads this list.
 
 A term of your own is a `CostTerm`. `register` adds it to all problems that are made from then on; to add it to one
-problem alone, give that one `terms=(*terms.counted(), mine)`.
+problem alone, give that one `terms=(*terms.list_terms(), mine)`.
 """
 
 from nerfnav.core.registry import Registry
@@ -13,7 +13,7 @@ from nerfnav.planner.terms.risk import RISK
 from nerfnav.planner.terms.term import CostTerm
 
 TERMS: Registry[CostTerm] = Registry("cost term", (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK))
-"""Name to term."""
+"""Terms by name."""
 
 
 def register(term: CostTerm) -> None:
@@ -26,6 +26,6 @@ def unregister(name: str) -> None:
     TERMS.unregister(name)
 
 
-def counted() -> tuple[CostTerm, ...]:
-    """All terms that count."""
+def list_terms() -> tuple[CostTerm, ...]:
+    """Return all terms that count."""
     return tuple(TERMS.values())

@@ -11,12 +11,12 @@ from nerfnav.robots import FlatMap, Motion
 
 
 def control(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """Effort [1], with the robot's `action_weights` as the diagonal of Gamma."""
+    """Sum the effort [1], with the robot's `action_weights` as the diagonal of Gamma."""
     return costs.control(motion, motion.actions.new_tensor(context.robot.action_weights))
 
 
 def control_kernel(context: TermContext, weight: float) -> Kernel:
-    """The compiled twin."""
+    """Make the compiled twin of the term."""
     gamma = weight * np.array(context.robot.action_weights)
 
     def weighed(flat: FlatMap, by: Adjoint) -> float:

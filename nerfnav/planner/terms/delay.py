@@ -2,9 +2,9 @@
 
     sum_t sqrt(|p_t - p_N|^2 + s^2) - s        s: _NEAR
 
-A plan of N steps leaves most of its way to the last of them, where that takes the least effort. A robot that makes a
+A plan of N steps leaves most of its path to the last of them, where that takes the least effort. A robot that makes a
 new one of as many steps each time (a receding horizon that has reached its shortest) therefore comes nearer ever more
-slowly, while noise pushes it away. With a running cost, what is best to do first no longer depends on how often the
+slowly, while noise pushes it away. With a running cost, the best first action no longer depends on how often the
 arrival was put off (Mayne et al., "Constrained model predictive control: stability and optimality", 2000).
 """
 
@@ -16,20 +16,20 @@ from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion
 
 _NEAR = 0.05
-"""Distance from the goal below which the price falls with its square [m]: about what noise brings about."""
+"""Distance from the goal below which the price falls with its square [m]: about the deviation by noise."""
 _PRICE = 3.0
-"""Of a metre that is left, for each step [J/m]."""
+"""Price of a metre that is left, for each step [J/m]."""
 
 
 def delay(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """Distance from the end of the motion [m], summed over time."""
+    """Sum the distance from the end of the motion over time [m]."""
     position = motion.states.position
     off = position - position[..., -1:, :]
     return ((off.square().sum(-1) + _NEAR**2).sqrt() - _NEAR).sum(-1)
 
 
 def delay_kernel(context: TermContext, weight: float) -> Kernel:
-    """The compiled twin's place: a few numbers in numpy."""
+    """Make the twin of the term for the fast planner: a few numbers in numpy."""
 
     def weighed(flat: FlatMap, by: Adjoint) -> float:
         off = flat.position - flat.position[-1]

@@ -8,12 +8,12 @@ from nerfnav.robots import FlatMap, Motion
 
 
 def limits(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """The robot's own `limits` [1]."""
+    """Return the robot's own `limits` [1]."""
     return context.robot.limits(motion)
 
 
 def limits_kernel(_: TermContext, weight: float) -> Kernel:
-    """The compiled twin: the flatness map's own, which keeps the derivative for its `backward`."""
+    """Make the twin of the term: the flatness map's own, which keeps the derivative for its `backward`."""
 
     def weighed(flat: FlatMap, _: Adjoint) -> float:
         return flat.limits(weight)

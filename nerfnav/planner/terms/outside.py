@@ -12,12 +12,12 @@ from nerfnav.robots import FlatMap, Motion
 
 
 def outside(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """Squared distance by which the body reaches beyond the box [m^2], summed over time."""
+    """Sum the squared distance by which the body reaches beyond the box over time [m^2]."""
     return border.outside(context.field.box, motion, context.body)
 
 
 def outside_kernel(context: TermContext, weight: float) -> Kernel:
-    """The compiled twin."""
+    """Make the compiled twin of the term."""
     box, reach = context.field.box, border.reach_of(context.body)
     lower, upper = (edge.double().cpu().numpy() for edge in (box.lower, box.upper))
 

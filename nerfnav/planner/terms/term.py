@@ -7,7 +7,6 @@ compiled twin, its `kernel`, for the fast planner; the derivative of one that br
 (objective/objective.py).
 """
 
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -28,30 +27,30 @@ from nerfnav.robots import Body, FlatMap, Motion, Robot
 
 @dataclass(frozen=True)
 class TermContext:
-    """What a term may ask for besides the motion."""
+    """Context of a term: its inputs besides the motion."""
 
     field: Field
-    """Where the robot moves."""
+    """Field in which the robot moves."""
     robot: Robot
-    """What moves."""
+    """Robot that moves."""
     weights: CostWeights
-    """What the terms of Eq. 2 weigh, how densely they sample, and the room around the body."""
+    """Weights of the terms of Eq. 2, density of their samples, and room around the body."""
     risk_context: RiskContext = PAPER_RISK_CONTEXT
-    """What is known of the flight: time steps, and the noise to come."""
+    """Properties of the flight: time steps, and the noise to come."""
     points: int | None = None
-    """How many well spread body points stand for the body; None: all of them."""
+    """Number of well-spaced body points that stand for the body; None: all of them."""
 
     @property
     def body(self) -> Body:
-        """The robot's body with the room that the weights ask for, and so many of its points."""
+        """Return the robot's body with the room of the weights, and so many of its points."""
         return _body(self.robot, self.weights.margin, self.points)
 
 
 @lru_cache(maxsize=32)
 def _body(robot: Robot, margin: float, points: int | None) -> Body:
-    """Made once for each robot: every replan asks for it."""
+    """Make the body once for each robot: every replan needs it."""
     body = robot.body_with_room(margin)
-    return body if points is None else replace(body, points_body=well_spread(body.points_body, points))
+    return body if points is None else replace(body, points_body=select_spaced(body.points_body, points))
 
 
 @dataclass(slots=True)
@@ -67,36 +66,37 @@ class Adjoint:
     action: np.ndarray
     """By the actions (N, a)."""
     by_free: np.ndarray | None = None
-    """By the free numbers (k), where a term knows that already."""
+    """By the free numbers (k), where a term computes that itself."""
 
 
 Kernel = Callable[[FlatMap, Adjoint], float]
-"""The weighted term at the last motion of a map; adds its derivatives to the adjoint."""
+"""Weighted term at the last motion of a map; adds its derivatives to the adjoint."""
 
 
 @dataclass(frozen=True)
 class CostTerm:
-    """One term of J."""
+    """Term of J: a name, a value, a weight and perhaps a compiled twin."""
 
     name: str
-    """What reports call it."""
+    """Name in reports."""
     value: Callable[[TermContext, Motion], Float[Tensor, "*batch"]]
-    """The term without its weight: a differentiable functional, one number for each motion."""
+    """Value without the weight: a differentiable functional, one number for each motion."""
     weight: float | None = 1.0
-    """What it weighs; None: the field of CostWeights that has its name."""
+    """Weight; None: the field of CostWeights that has its name."""
     kernel: Callable[[TermContext, float], Kernel] | None = None
-    """Makes its compiled twin for a context and a weight; None: by autograd, a part of a millisecond or more for each
-    iteration, which PlanCost tells."""
+    """Constructor of its compiled twin for a context and a weight; None: by autograd, which takes a part of a
+    millisecond or more for each iteration, see TermCost.ms."""
     preconditions: bool = False
-    """Whether the fast planner's first inverse Hessian has its curvature: for terms that are cheap and nearly
+    """True if the fast planner's first inverse Hessian has its curvature: for terms that are cheap and nearly
     quadratic."""
 
     def weighed(self, weights: CostWeights) -> float:
-        """Its weight."""
+        """Return its weight among the given ones."""
         return getattr(weights, self.name) if self.weight is None else self.weight
 
     def cost(self, context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-        """The weighted term. Raises InvalidInputError, in one sentence, for what is not one number for each motion."""
+        """Evaluate the weighted term. Raises InvalidInputError, in one sentence, for what is not one number for each
+        motion."""
         value, batch = self.value(context, motion), motion.actions.shape[:-2]
         if not isinstance(value, Tensor) or value.shape != batch:
             found = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__
@@ -107,8 +107,8 @@ class CostTerm:
         return self.weighed(context.weights) * value
 
 
-def well_spread(points: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "m 3"]:
-    """So many of the points, each the farthest from those before it, the outermost first (Gonzalez, 1985)."""
+def select_spaced(points: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "m 3"]:
+    """Select points by farthest-point sampling, the outermost first (Gonzalez, 1985)."""
     all_points = points.double().cpu().numpy()
     distance = -np.square(all_points - all_points.mean(0)).sum(-1)
     chosen = [int(distance.argmin())]
@@ -121,25 +121,25 @@ def well_spread(points: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "m 3"
 
 @dataclass(frozen=True)
 class Evaluated:
-    """The weighted terms of J as differentiable tensors."""
+    """Weighted terms of J as differentiable tensors."""
 
     values: dict[str, Float[Tensor, "*batch"]]
-    """Name of a term to what it comes to."""
+    """Values by name of the term."""
     ms: dict[str, float]
-    """Name of a term to the time that it took [ms]."""
+    """Times by name of the term [ms]."""
 
     @property
     def total(self) -> Float[Tensor, "*batch"]:
-        """J."""
+        """Sum the terms: J."""
         return torch.stack(list(self.values.values())).sum(0)
 
     def numbers(self) -> PlanCost:
-        """The same as plain numbers; for one motion only."""
+        """Convert to plain numbers; for one motion only."""
         return PlanCost.of(TermCost(name, value.item(), self.ms[name]) for name, value in self.values.items())
 
 
 def evaluate(terms: Iterable[CostTerm], context: TermContext, motion: Motion) -> Evaluated:
-    """All terms of J for one motion or a batch of motions."""
+    """Evaluate all terms of J for one motion or a batch of motions."""
     values, ms = {}, {}
     for term in terms:
         begun = perf_counter()

@@ -1,4 +1,4 @@
-"""Squared excess over a bound, as a share of it: twin of robots/limits.py, for compiled maps."""
+"""Squared excess over a bound, as a share of it: twin of `penalty` in robots/robot.py, for compiled maps."""
 
 import math
 

@@ -5,7 +5,6 @@ Exp(delta) changes the cost by g . delta. Each term of the limits is a squared e
 bound.
 """
 
-
 import math
 
 import numpy as np

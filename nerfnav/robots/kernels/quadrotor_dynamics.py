@@ -5,7 +5,6 @@ Notation as in robots/quadrotor.py; `state` is (p, v, R, w), `constants` are mas
 error that one step takes away, and the least upward force [N]. Holds do not turn.
 """
 
-
 import math
 
 import numpy as np

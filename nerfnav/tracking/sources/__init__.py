@@ -1,1 +1,1 @@
-"""Where tracked pictures come from, one file for each kind."""
+"""Sources of tracked pictures, one file for each kind."""

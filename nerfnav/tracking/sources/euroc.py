@@ -9,7 +9,6 @@ mav0/imu0/sensor.yaml     T_BS of the unit, of which nothing means that it is th
 sensor.yaml tells the lens, the mount and the noise of a sensor.
 """
 
-
 import csv
 import math
 from collections.abc import Iterator
@@ -24,7 +23,7 @@ import yaml
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose, parse_camera
 from nerfnav.tracking.frame import Frame, ImuMeasurements, ImuNoise, mount_of
-from nerfnav.tracking.sources.pictures import decode_picture, require_later
+from nerfnav.tracking.sources.pictures import TimedFile, decode_picture, require_later
 
 _MODELS = {"radial-tangential": "plumb_bob", "equidistant": "equidistant"}
 """Lens models to the words of ROS."""
@@ -42,14 +41,14 @@ def camera_of(file: Path) -> Camera | None:
     if not file.is_file():
         return None
     try:
-        told = _parsed(file)
-        fx, fy, cx, cy = map(float, told["intrinsics"])
-        model = str(told.get("distortion_model", ""))
-        width, height = told["resolution"]
+        given = _parsed(file)
+        fx, fy, cx, cy = map(float, given["intrinsics"])
+        model = str(given.get("distortion_model", ""))
+        width, height = given["resolution"]
         return parse_camera({
             "image_width": width, "image_height": height, "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
             "distortion_model": _MODELS.get(model, model),
-            "distortion_coefficients": told.get("distortion_coefficients"),
+            "distortion_coefficients": given.get("distortion_coefficients"),
         })  # fmt: skip
     except (OSError, KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError, InvalidInputError) as error:
         raise InvalidInputError(f"{file} is no calibration of a camera: {' '.join(str(error).split())}") from error
@@ -66,11 +65,11 @@ def mount_between(unit: Path, camera: Path) -> Pose | None:
 
 def _on_body(file: Path) -> np.ndarray | None:
     """T_BS of a sensor; None where nothing is said of it. Raises InvalidInputError where it is no motion."""
-    told = _told(file) if file.is_file() else {}
-    if "T_BS" not in told:
+    given = _read_sensor(file) if file.is_file() else {}
+    if "T_BS" not in given:
         return None
     try:
-        matrix = np.array(told["T_BS"]["data"], dtype=np.float64).reshape(4, 4)
+        matrix = np.array(given["T_BS"]["data"], dtype=np.float64).reshape(4, 4)
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInputError(f"{file} tells no T_BS of 16 numbers") from error
     if not (np.isfinite(matrix).all() and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-3)):
@@ -79,9 +78,10 @@ def _on_body(file: Path) -> np.ndarray | None:
 
 
 def noise_of(file: Path) -> ImuNoise:
-    """What a unit's file tells of its noise. Raises InvalidInputError where that cannot be."""
-    told = _told(file) if file.is_file() else {}
-    return ImuNoise(**{ours: _density(file, theirs, told[theirs]) for ours, theirs in _NOISE.items() if theirs in told})
+    """Read the noise in a unit's file. Raises InvalidInputError where that cannot be."""
+    given = _read_sensor(file) if file.is_file() else {}
+    known = {ours: theirs for ours, theirs in _NOISE.items() if theirs in given}
+    return ImuNoise(**{ours: _density(file, theirs, given[theirs]) for ours, theirs in known.items()})
 
 
 def _density(file: Path, name: str, value: object) -> float:
@@ -102,13 +102,13 @@ def _parsed(file: Path) -> Any:
     return yaml.safe_load(file.read_text().removeprefix(_HEADING))
 
 
-def _told(file: Path) -> dict[str, Any]:
-    """What a sensor's file tells. Raises InvalidInputError where it cannot be read."""
+def _read_sensor(file: Path) -> dict[str, Any]:
+    """Read a sensor's file. Raises InvalidInputError where it cannot be read."""
     try:
-        told = _parsed(file)
+        given = _parsed(file)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InvalidInputError(f"{file} cannot be read: {' '.join(str(error).split())}") from error
-    return told if isinstance(told, dict) else {}
+    return given if isinstance(given, dict) else {}
 
 
 _TABLE = "data.csv"
@@ -120,8 +120,8 @@ class EurocSource:
 
     folder: Path
     """Of the camera: mav0/cam0."""
-    rows: tuple[tuple[float, str], ...]
-    """Time [s] and file of each picture."""
+    listed: tuple[TimedFile, ...]
+    """Time [s] and name of each picture, in the folder `data`."""
     camera: Camera | None
     """What took them, where sensor.yaml says so."""
     inertial: ImuMeasurements | None
@@ -129,13 +129,14 @@ class EurocSource:
 
     @property
     def count(self) -> int:
-        """How many pictures there are."""
-        return len(self.rows)
+        """Number of listed pictures."""
+        return len(self.listed)
 
     def frames(self) -> Iterator[Frame]:
         """Each picture. Raises InvalidInputError where one cannot be read, or where time runs backwards."""
         last = None
-        for time, name in self.rows:
+        for time, file in self.listed:
+            name = str(file)
             last, file = require_later(time, last, f"{name} of {self.folder}"), self.folder / "data" / name
             try:
                 picture = decode_picture(file.read_bytes(), aspect=None if self.camera is None else self.camera.aspect)
@@ -147,7 +148,7 @@ class EurocSource:
 
 
 def is_euroc(path: Path) -> bool:
-    """Whether a folder is one of these, or its mav0."""
+    """Return True for such a folder, or its mav0."""
     return any(_root(path).glob(f"cam*/{_TABLE}"))
 
 
@@ -158,7 +159,7 @@ def open_euroc(path: Path, camera: str | None = None) -> EurocSource:
     if not (folder / _TABLE).is_file():
         known = ", ".join(sorted(table.parent.name for table in root.glob(f"cam*/{_TABLE}")))
         raise InvalidInputError(f"{path} has no pictures in {name}; it has some in {known or 'no folder'}")
-    rows = tuple((1e-9 * _number(folder, row[0]), row[1].strip()) for row in _table(folder, 2))
+    rows = tuple(TimedFile(1e-9 * _number(folder, row[0]), Path(row[1].strip())) for row in _table(folder, 2))
     if not rows:
         raise InvalidInputError(f"{folder / _TABLE} lists no pictures")
     return EurocSource(folder, rows, camera_of(folder / "sensor.yaml"), _inertial(root / "imu0", folder))
@@ -202,5 +203,5 @@ def _inertial(folder: Path, camera: Path) -> ImuMeasurements | None:
         require_later(float(times[index + 1]), float(times[index]), f"measurement {index + 1} of {folder / _TABLE}")
     measured = torch.from_numpy(rows[:, 1:]).float()
     mount, noise = mount_between(folder, camera), noise_of(folder / "sensor.yaml")
-    told = ImuMeasurements(torch.from_numpy(times), measured[:, :3], measured[:, 3:], mount, noise)
-    return told.finite(str(folder / _TABLE))
+    given = ImuMeasurements(torch.from_numpy(times), measured[:, :3], measured[:, 3:], mount, noise)
+    return given.finite(str(folder / _TABLE))

@@ -11,7 +11,7 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.tracking.frame import Frame, ImuMeasurements
-from nerfnav.tracking.sources.pictures import SUFFIXES, pictures_of
+from nerfnav.tracking.sources.pictures import SUFFIXES, TimedFile, pictures_of
 
 _NANOSECONDS = 16
 """Digits from which a whole number is a time in ns."""
@@ -21,7 +21,7 @@ _NANOSECONDS = 16
 class FolderSource:
     """Pictures and their times (a FrameSource)."""
 
-    listed: tuple[tuple[float, Path], ...]
+    listed: tuple[TimedFile, ...]
     """Time [s] and file of each, in order."""
     camera: Camera | None = None
     """Unknown."""
@@ -39,22 +39,22 @@ class FolderSource:
         files = _pictures_in(folder)
         if fps is not None:
             counted = enumerate(sorted(files, key=_counted))
-            return cls(tuple((index / fps, path) for index, path in counted), aspect=aspect)
-        times = [(_time_of(path), path) for path in files]
+            return cls(tuple(TimedFile(index / fps, path) for index, path in counted), aspect=aspect)
+        times = [TimedFile(_time_of(path), path) for path in files]
         return cls(tuple(sorted(times)), aspect=aspect)
 
     @property
     def count(self) -> int:
-        """How many pictures there are."""
+        """Number of pictures of the folder."""
         return len(self.listed)
 
     def frames(self) -> Iterator[Frame]:
-        """See FrameSource."""
+        """Yield each frame; see FrameSource."""
         return pictures_of(self.listed, self.aspect)
 
 
 def is_folder_of_pictures(path: Path) -> bool:
-    """Whether a folder holds pictures."""
+    """Return True for a folder that holds pictures."""
     return path.is_dir() and bool(_pictures_in(path))
 
 

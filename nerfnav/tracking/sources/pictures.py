@@ -1,9 +1,8 @@
 """Pictures in files: decode them as their sensor gave them, and check that their times increase."""
 
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import UInt8
@@ -23,11 +22,11 @@ def require_later(time: float, last: float | None, what: str) -> float:
 
 
 GREY = "fields are compared in colour: record rgb8 or bgr8"
-"""What is said of pictures without colours."""
+"""Message for pictures without colours."""
 
 
 def decode_picture(data: Any, swapped: bool = False, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
-    """The picture in the bytes of a JPEG or PNG file, RGB; `swapped`: whoever wrote it took red for blue.
+    """The picture in the bytes of a JPEG or PNG file, RGB; `swapped`: red and blue are exchanged.
 
     `aspect` is the width over the height of its camera, where that is known: see importers/core/stored_picture.py.
     Raises InvalidInputError for other bytes, and for a picture that is not of colours of 8 bits.
@@ -40,10 +39,19 @@ def decode_picture(data: Any, swapped: bool = False, aspect: float | None = None
 
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
-"""How the names of pictures end."""
+"""Suffixes of picture files."""
 
 
-def pictures_of(listed: Sequence[tuple[float, Path]], aspect: float | None) -> Iterator[Frame]:
+class TimedFile(NamedTuple):
+    """File of a picture, with its time."""
+
+    time: float
+    """[s]"""
+    path: Path
+    """JPEG, PNG or another picture."""
+
+
+def pictures_of(listed: Sequence[TimedFile], aspect: float | None) -> Iterator[Frame]:
     """Read pictures one at a time: time [s] and file of each, in order; `aspect` as `decode_picture` has it.
 
     Raises InvalidInputError where a time does not go on, or a file is missing or no picture.

@@ -16,7 +16,7 @@ from nerfnav.tracking.sources.video import VideoSource, is_video
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """What a source may leave open."""
+    """Options that a source may leave open."""
 
     fps: float | None = None
     """Pictures in a second, for those that tell no times."""
@@ -38,7 +38,7 @@ class SourceKind:
     name: str
     """For people."""
     takes: Callable[[Path], bool]
-    """Whether a path is of this kind, told without reading it all."""
+    """Return True for a path of this kind, without reading it all."""
     open: Callable[[Path, SourceOptions], FrameSource]
     """Opens it. Raises InvalidInputError, in one sentence, where it cannot be used."""
 

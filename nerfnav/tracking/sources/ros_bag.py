@@ -7,7 +7,6 @@ none, that of the recording.
 In this order: static frames (/tf_static), pictures and cameras of messages, topics and their messages, the source.
 """
 
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,9 +33,9 @@ Tree = dict[str, tuple[str, np.ndarray]]
 def tree_of(messages: Iterable[Any]) -> Tree:
     """The tree of all tf2_msgs/TFMessage."""
     return {
-        told.child_frame_id: (told.header.frame_id, _matrix(told.transform))
+        given.child_frame_id: (given.header.frame_id, _matrix(given.transform))
         for message in messages
-        for told in message.transforms
+        for given in message.transforms
     }
 
 
@@ -110,10 +109,10 @@ def camera_of(message: Any, topic: str) -> Camera | None:
         return None
     rectified = PurePosixPath(topic.removesuffix("/compressed")).name.startswith(_RECTIFIED)
     matrix = np.reshape(message.p, (3, 4))[:, :3] if rectified else message.k
-    told = {"image_width": message.width, "image_height": message.height, "camera_matrix": np.ravel(matrix).tolist()}
+    given = {"image_width": message.width, "image_height": message.height, "camera_matrix": np.ravel(matrix).tolist()}
     if not rectified:
-        told |= {"distortion_model": message.distortion_model, "distortion_coefficients": list(map(float, message.d))}
-    return parse_camera(told)
+        given |= {"distortion_model": message.distortion_model, "distortion_coefficients": list(map(float, message.d))}
+    return parse_camera(given)
 
 
 _USER = "reading a recording of ROS"
@@ -169,13 +168,13 @@ def chosen(path: Path, pictured: list[str], topic: str | None) -> str:
 
 
 def _shared(name: str, topic: str) -> int:
-    """How many parts of a topic's namespace are those of another topic, from the root."""
+    """Return how many parts of a topic's namespace are those of another topic, from the root."""
     pairs = zip(PurePosixPath(name).parent.parts, PurePosixPath(topic).parts, strict=False)
     return len(list(takewhile(lambda pair: pair[0] == pair[1], pairs)))
 
 
 def is_above(name: str, topic: str) -> bool:
-    """Whether a topic is in the namespace of another one, or in one around that."""
+    """Return True for a topic in the namespace of another one, or in one around that."""
     return _shared(name, topic) == len(PurePosixPath(name).parent.parts)
 
 
@@ -213,7 +212,7 @@ class BagSource:
 
     @property
     def inertial(self) -> ImuMeasurements | None:
-        """What an inertial measurement unit said; read when it is first asked for, which goes through the whole file.
+        """Inertial measurements, read when it is first asked for, which goes through the whole file.
 
         Raises InvalidInputError where time runs backwards, and for what is no number.
         """
@@ -243,12 +242,12 @@ class BagSource:
         tree = tree_of(message for _, message in read(self.path, _STATIC))
         camera = "" if first is None else first[1].header.frame_id
         known = {*tree, *(parent for parent, _ in tree.values())}
-        told = between(tree, unit, camera) if {unit, camera} <= known else None
-        return None if told is None else mount_of(told)
+        given = between(tree, unit, camera) if {unit, camera} <= known else None
+        return None if given is None else mount_of(given)
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a recording of ROS 2: a file by its suffix, a folder by what lies in it."""
+    """Return True for a recording of ROS 2: a file by its suffix, a folder by what lies in it."""
     return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in (".mcap", ".db3")
 
 
@@ -264,8 +263,8 @@ def open_bag(path: Path, topic: str | None = None) -> BagSource:
     first = next(messages(path, topic), None)
     if first is None:
         raise InvalidInputError(f"{path} has no pictures in {topic}")
-    told = nearest([name for name, kind in kinds.items() if kind == CAMERA_INFO and is_above(name, topic)], topic)
-    camera = None if told is None else _camera(path, told, topic)
+    given = nearest([name for name, kind in kinds.items() if kind == CAMERA_INFO and is_above(name, topic)], topic)
+    camera = None if given is None else _camera(path, given, topic)
     picture = _picture(path, "frame 0", first[1], camera)
     if camera is not None:
         camera = camera.for_picture(picture.shape[1], picture.shape[0])
@@ -273,12 +272,12 @@ def open_bag(path: Path, topic: str | None = None) -> BagSource:
     return BagSource(path, topic, camera, counts[topic], imu)
 
 
-def _camera(path: Path, told: str, topic: str) -> Camera | None:
-    first = next(messages(path, told), None)
+def _camera(path: Path, given: str, topic: str) -> Camera | None:
+    first = next(messages(path, given), None)
     try:
         return None if first is None else camera_of(first[1], topic)
     except InvalidInputError as error:
-        raise InvalidInputError(f"{told} of {path} tells no camera that is known here: {error}") from error
+        raise InvalidInputError(f"{given} of {path} holds no camera that is supported: {error}") from error
 
 
 def _picture(path: Path, name: str, message: Message, camera: Camera | None) -> torch.Tensor:

@@ -11,7 +11,7 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.tracking.frame import Frame, ImuMeasurements
-from nerfnav.tracking.sources.pictures import pictures_of
+from nerfnav.tracking.sources.pictures import TimedFile, pictures_of
 
 _NAME = "rgb.txt"
 
@@ -20,7 +20,7 @@ _NAME = "rgb.txt"
 class ListSource:
     """Pictures and their times (a FrameSource)."""
 
-    listed: tuple[tuple[float, Path], ...]
+    listed: tuple[TimedFile, ...]
     """Time [s] and file of each, as they are listed."""
     camera: Camera | None = None
     """Unknown."""
@@ -48,22 +48,22 @@ class ListSource:
 
     @property
     def count(self) -> int:
-        """How many pictures there are."""
+        """Number of pictures of the list."""
         return len(self.listed)
 
     def frames(self) -> Iterator[Frame]:
-        """See FrameSource."""
+        """Yield each frame; see FrameSource."""
         return pictures_of(self.listed, self.aspect)
 
 
 def is_list(path: Path) -> bool:
-    """Whether a folder has such a list, or a file is one."""
+    """Return True for such a list, or a folder that holds one."""
     return path.name == _NAME or (path / _NAME).is_file()
 
 
-def _entry(line: str, where: str, folder: Path) -> tuple[float, Path]:
+def _entry(line: str, where: str, folder: Path) -> TimedFile:
     seconds, _, name = line.strip().partition(" ")
     try:
-        return float(seconds), folder / name.strip()
+        return TimedFile(float(seconds), folder / name.strip())
     except ValueError as error:
         raise InvalidInputError(f"{where} is no time [s] and a file's name: {line.strip()[:80]!r}") from error

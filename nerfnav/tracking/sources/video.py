@@ -59,11 +59,9 @@ class VideoSource:
         finally:
             reader.release()
         if self.count is not None and index < _WHOLE * self.count:
-            raise InvalidInputError(
-                f"{self.path} ends early: it declares {self.count} frames, and {index} can be read"
-            )
+            raise InvalidInputError(f"{self.path} ends early: it declares {self.count} frames, and {index} can be read")
 
 
 def is_video(path: Path) -> bool:
-    """Whether a file is called as videos are."""
+    """Return True for a file with the suffix of a video."""
     return path.is_file() and path.suffix.lower() in VIDEOS

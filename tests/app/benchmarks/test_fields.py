@@ -4,7 +4,7 @@ import pytest
 import torch
 
 import nerfnav_scenes as scenes
-from nerfnav.experiments.study import Arena
+from nerfnav.experiments.arena import Arena
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav_app.benchmarks import render, train_step

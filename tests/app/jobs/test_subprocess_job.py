@@ -14,7 +14,7 @@ from tests.app.following import followed
 from tests.waiting import PATIENCE_S
 
 
-def told(folder: Path) -> JobEvents:
+def reported(folder: Path) -> JobEvents:
     yield Progress("half", 0.5)
     return JobResult({"process": os.getpid()}, (folder / "result",))
 
@@ -38,7 +38,7 @@ def broken() -> JobEvents:
 
 @pytest.mark.slow
 def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> None:
-    events, finished = followed(run_in_subprocess(partial(told, tmp_path)))
+    events, finished = followed(run_in_subprocess(partial(reported, tmp_path)))
     assert finished.summary["process"] != os.getpid() and finished.files == (tmp_path / "result",)
     told_here = [event for event in events if not isinstance(event, Progress) or "process" not in event.label]
     assert told_here[0] == Progress("half", 0.5) and set(told_here) == {Progress("half", 0.5)}

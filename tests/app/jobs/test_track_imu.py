@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from nerfnav.export.tum import poses_of_tum
 from nerfnav.field import save_field
 from nerfnav_app.cli.main import main
+from tests.export.readers import poses_of_tum
 from tests.tracking.shaken import BIASES, MOUNT, Shaken
 from tests.tracking.walks import CAMERA, every, field
 
@@ -43,10 +43,10 @@ def recording(tmp_path: Path) -> Path:
         f"T_BS:\n  data: {mount.ravel().tolist()}\nresolution: [{CAMERA.width}, {CAMERA.height}]\n"
         f"intrinsics: [{CAMERA.fx}, {CAMERA.fy}, {CAMERA.cx}, {CAMERA.cy}]\n"
     )
-    told = SHAKEN.measured(2.6)
-    numbers = np.c_[told.body_rates, told.specific_forces]
+    reported = SHAKEN.measured(2.6)
+    numbers = np.c_[reported.body_rates, reported.specific_forces]
     lines = [f"{round(1e9 * time)},{','.join(map(str, row))}\n"
-             for time, row in zip(told.times.tolist(), numbers, strict=True) if time > 0.5]  # fmt: skip
+             for time, row in zip(reported.times.tolist(), numbers, strict=True) if time > 0.5]  # fmt: skip
     (unit / "data.csv").write_text("".join(lines))
     return tmp_path
 
@@ -57,10 +57,10 @@ def test_quick_turns_are_followed_by_what_the_unit_says(
     out = tmp_path / "out"
     words = ["track", str(place), str(recording), "--out", str(out), "--imu", "--no-pictures", "--json"]
     assert main(words) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert (told["updated"], told["lost"], told["found_again"]) == (8, 0, 0)
-    np.testing.assert_allclose(told["gyro_bias_radps"], BIASES[:3], atol=0.01)
-    assert len(told["accel_bias_std_mps2"]) == 3
+    reported = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (reported["updated"], reported["lost"], reported["found_again"]) == (8, 0, 0)
+    np.testing.assert_allclose(reported["gyro_bias_radps"], BIASES[:3], atol=0.01)
+    assert len(reported["accel_bias_std_mps2"]) == 3
     times, positions, _ = poses_of_tum((out / "trajectory.tum").read_text())
     for time, position in zip(times.tolist(), positions, strict=True):
         assert np.linalg.norm(position - SHAKEN.pose(time).position) < 0.01
@@ -101,5 +101,5 @@ def test_what_cannot_lead_is_told_in_one_sentence(
 ) -> None:
     spoil(recording / "mav0")
     assert main(["track", str(place), str(recording), "--out", str(recording / "out"), *words, "--json"]) == 2
-    told = capsys.readouterr().err.strip()
-    assert "\n" not in told and re.search(complaint, told)
+    reported = capsys.readouterr().err.strip()
+    assert "\n" not in reported and re.search(complaint, reported)

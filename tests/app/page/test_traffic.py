@@ -12,7 +12,7 @@ import pytest
 import trimesh
 import viser._messages as viser_messages
 
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobResult, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer

@@ -42,6 +42,6 @@ def test_pictures_are_unpacked_and_found_below_a_folder_of_their_own() -> None:
     ],
 )
 def test_what_cannot_be_tracked_is_refused_in_a_sentence(name: str, content: bytes, complaint: str) -> None:
-    with pytest.raises(UploadError, match=complaint) as told:
+    with pytest.raises(UploadError, match=complaint) as reported:
         TrackSources().keep(name, content)
-    assert "/nerfnav-" not in str(told.value)
+    assert "/nerfnav-" not in str(reported.value)

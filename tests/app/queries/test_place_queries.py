@@ -20,7 +20,7 @@ from nerfnav_app.queries.end_fit import EndFitQuery
 from nerfnav_app.queries.field_view import FieldViewQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.space import Space, SpaceQuery
-from nerfnav_app.state.session import Click
+from nerfnav_app.state.place import Click
 from nerfnav_app.state.view import Eye
 from tests.app.doubles import balls_place, plan_step
 

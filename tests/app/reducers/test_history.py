@@ -10,9 +10,8 @@ from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.actions import Redo, Undo
-from nerfnav_app.state.history import MOST
-from nerfnav_app.state.records import AllowTime
-from nerfnav_app.state.session import Session
+from nerfnav_app.state.plan import AllowTime
+from nerfnav_app.state.session import MOST_UNDO_STEPS, Session
 from tests.app.sessions import after
 from tests.app.sessions import planned as well_planned
 
@@ -62,7 +61,7 @@ def test_a_slider_that_moves_on_is_one_step_and_another_setting_is_another(opene
 
 
 def test_a_click_that_puts_an_end_down_is_undone(opened: Session) -> None:
-    aimed = after(opened, m.Aim(EndRole.GOAL), m.Point((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
+    aimed = after(opened, m.AimEnd(EndRole.GOAL), m.ClickScene((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
     assert aimed.clicked is not None
     landed = after(aimed, m.QueryAnswered(ClickLandingQuery(aimed.clicked), THERE.position))
     assert landed.ends.goal.position == THERE.position
@@ -92,8 +91,8 @@ def test_another_robot_is_undone_with_its_ends(opened: Session) -> None:
 def test_a_new_step_forgets_what_was_undone_and_old_ones_are_forgotten_in_the_end(opened: Session) -> None:
     branch = after(dragged(opened, THERE), Undo(), m.Adjust(m.Settings.FLIGHT, "seed", 1))
     assert not branch.history.future
-    many = after(opened, *(m.TypeEnd(EndRole.GOAL, End((0.001 * k, -0.5, 0.4))) for k in range(MOST + 20)))
-    assert len(many.history.past) == MOST
+    many = after(opened, *(m.TypeEnd(EndRole.GOAL, End((0.001 * k, -0.5, 0.4))) for k in range(MOST_UNDO_STEPS + 20)))
+    assert len(many.history.past) == MOST_UNDO_STEPS
 
 
 def test_numbers_outside_of_the_place_are_said_and_stay_until_they_are_put_right(opened: Session) -> None:

@@ -6,7 +6,7 @@ import nerfnav_scenes as scenes
 from nerfnav.field import UnknownSpace, planning_field
 from nerfnav.planner import fits
 from nerfnav.robots import load
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from nerfnav_app.jobs.events import JobFinished, PlaceOpened
 from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.places.place import Place, Truth
@@ -16,9 +16,9 @@ from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
 from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.experiments import ListExperiments
+from nerfnav_app.state.place import Choice
+from nerfnav_app.state.runs import ListExperiments
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import Choice
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, planned, reports
 

@@ -10,7 +10,8 @@ from nerfnav_app.queries.surface_point import SurfacePointQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import alignment as p
-from nerfnav_app.state.session import JobKind, Session
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 
@@ -24,7 +25,7 @@ def opened() -> Session:
 def clicked(session: Session, *points: p.Vector) -> Session:
     """The session after clicks that met these points from two metres above."""
     for x, y, z in points:
-        session = after(session, m.Point((x, y, z + 2.0), (0.0, 0.0, -1.0)))
+        session = after(session, m.ClickScene((x, y, z + 2.0), (0.0, 0.0, -1.0)))
         (query,) = SurfacePointQuery.pending(session)
         session = reduce(session, m.QueryAnswered(query, (x, y, z)))
     return session
@@ -32,11 +33,11 @@ def clicked(session: Session, *points: p.Vector) -> Session:
 
 def test_two_clicks_and_a_distance_ask_for_a_scale(opened: Session) -> None:
     session = clicked(after(opened, p.PickPoints(p.PickTarget.DISTANCE)), (0.0, 0.0, 0.0), (0.3, 0.4, 0.0))
-    assert session.placing.pointing is None and session.placing.length == pytest.approx(0.5)
+    assert session.alignment.pointing is None and session.alignment.length == pytest.approx(0.5)
     refused = after(session, p.ApplyAlignment())
     assert refused.job is None and refused.notices[-1].bad
     session = after(session, p.SetDistance(2.0))
-    assert session.placing.correction().factor == pytest.approx(4.0)
+    assert session.alignment.request().factor == pytest.approx(4.0)
     begun = after(session, p.ApplyAlignment())
     assert begun.job is not None and begun.job.kind is JobKind.PLACE
 
@@ -44,7 +45,7 @@ def test_two_clicks_and_a_distance_ask_for_a_scale(opened: Session) -> None:
 def test_three_clicks_are_a_floor_seen_from_above(opened: Session) -> None:
     asked = after(opened, p.PickPoints(p.PickTarget.FLOOR))
     session = clicked(asked, (0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (0.0, 1.0, 0.1))
-    correction = session.placing.correction()
+    correction = session.alignment.request()
     assert correction.floor is not None and correction.up is not None and correction.up[2] == pytest.approx(2.0)
 
 
@@ -55,10 +56,10 @@ def test_three_clicks_on_a_line_are_told_when_they_are_applied(opened: Session) 
 
 
 def test_a_click_that_meets_nothing_is_asked_again(opened: Session) -> None:
-    session = after(opened, p.PickPoints(p.PickTarget.FLOOR), m.Point((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
+    session = after(opened, p.PickPoints(p.PickTarget.FLOOR), m.ClickScene((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
     (query,) = SurfacePointQuery.pending(session)
     session = reduce(session, m.QueryAnswered(query, None))
-    assert session.placing.pointing is p.PickTarget.FLOOR and not session.placing.floor and session.notices[-1].bad
+    assert session.alignment.pointing is p.PickTarget.FLOOR and not session.alignment.floor and session.notices[-1].bad
 
 
 def test_nothing_asked_for_changes_nothing(opened: Session) -> None:
@@ -69,13 +70,13 @@ def test_nothing_asked_for_changes_nothing(opened: Session) -> None:
 
 def test_what_was_put_right_is_opened_and_can_be_undone(opened: Session) -> None:
     begun = after(opened, p.Keep(((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))), p.ApplyAlignment())
-    assert begun.placing.correction() == AlignmentRequest(kept=((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)))
+    assert begun.alignment.request() == AlignmentRequest(kept=((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)))
     result = JobResult({"changed": ["what is kept: less"]}, (Path("folder") / "balls.npz",))
     session = reports(begun, JobFinished("place", result))
-    assert session.what == str(Path("folder") / "balls.npz") and session.placing.undo == ("balls",)
+    assert session.what == str(Path("folder") / "balls.npz") and session.alignment.undo == ("balls",)
     assert session.job is not None and session.job.kind is JobKind.OPEN and "less" in session.notices[-1].body
     session = reports(session, PlaceOpened(balls_place()), JobFinished("open"))
     undone = after(session, p.UndoAlignment())
-    assert undone.what == "balls" and undone.placing == p.AlignmentDraft()
+    assert undone.what == "balls" and undone.alignment == p.AlignmentDraft()
     other = after(session, m.OpenPlace("stonehenge"))
-    assert other.placing == p.AlignmentDraft()  # of another place nothing is known
+    assert other.alignment == p.AlignmentDraft()  # of another place nothing is known

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator.relocalize.global_localization import RelocaliseStep
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
 from nerfnav_app.queries.catalog import pending_queries
@@ -81,7 +81,7 @@ def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Sessi
     finding = served(session, store, OpenRun("first"), Scrub(8), m.FindRobot())
     assert finding.job is not None
     pose = RigidState.stack([RigidState.at_rest((0.1, 0.2, 0.3))]).pose
-    step = RelocaliseStep(1.0, pose, torch.ones(1), torch.zeros(1), RelocaliseOutcome.FOUND)
+    step = RelocaliseStep(1.0, pose, torch.ones(1), torch.zeros(1))
     end = JobFinished("localize", JobResult({"outcome": "found", "advice": "one place looks like the picture"}))
     found = served(finding, store, m.Reported(finding.job.id, step), m.Reported(finding.job.id, end))
     assert found.search is not None and found.search.at == 9

@@ -11,7 +11,7 @@ from nerfnav.planner.solvers.fast import FastPlanConfig
 from nerfnav_app.jobs.events import JobFinished, PlannerCompared, PlannerResult
 from nerfnav_app.jobs.plan import compare_planners as compare
 from nerfnav_app.jobs.plan.plan import PlanRequest
-from nerfnav_app.page.panels.plan.plan import chart_data, compared, describe
+from nerfnav_app.page.panels.plan.plan import chart_data, describe, describe_comparison
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.clearance import ClearanceQuery
@@ -19,9 +19,8 @@ from nerfnav_app.queries.query import Resources
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import CostHistory
+from nerfnav_app.state.plan import CostHistory, PlanSettings
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import PlanSettings
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place, plan_step
 from tests.app.following import followed, result_of
@@ -47,7 +46,7 @@ def test_numbers_that_make_no_sense_are_refused_with_a_notice(
     told = after(opened, m.Adjust(settings, name, bad))
     for record in ("plan_settings", "flight_settings", "view_settings"):
         assert getattr(told, record) == getattr(opened, record)
-    assert told.trouble is not None and told.trouble.title == "Not taken"
+    assert told.trouble is not None and told.trouble.title == "Not applied"
 
 
 def test_two_numbers_that_are_changed_at_once_are_both_changed(opened: Session) -> None:
@@ -81,8 +80,8 @@ def test_a_comparison_runs_each_planner_and_says_why_one_refuses() -> None:
     assert comparison[0].motion is not None and comparison[0].summary["cost"]["total"] > 0
     assert comparison[2].motion is None and "occupied" in comparison[2].complaint
     assert finished.summary == {"planners": 3}
-    told = compared(tuple(comparison[:2]))
-    assert "minsnap" in told and "–" in told, "no mesh, no overlap"
+    text = describe_comparison(tuple(comparison[:2]))
+    assert "minsnap" in text and "–" in text, "no mesh, no overlap"
 
 
 def test_rivals_are_collected_and_forgotten_when_a_new_plan_begins(opened: Session) -> None:

@@ -12,13 +12,13 @@ from nerfnav.robots import RigidState, StateNoise
 from nerfnav.tracking import TrackedFrame, TrackStatus
 from nerfnav_app.jobs.events import FrameTracked, JobFinished, JobResult
 from nerfnav_app.page.panels.flight.camera import tracked_pictures
-from nerfnav_app.page.panels.flight.track import describe, summarize_track
+from nerfnav_app.page.panels.flight.track import STATUS_LABELS, describe, summarize_track
 from nerfnav_app.page.panels.status.timeline import list_marks, nearest
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.runs import PlayBack, Scrub
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tracks import ForgetTrack, StartTrack
+from nerfnav_app.state.tracks import RemoveTrack, StartTrack
 from tests.app.sessions import after, planned, reports
 
 START = StartTrack(Path("walk.mp4"), "walk.mp4", fps=5.0)
@@ -51,8 +51,8 @@ def test_frames_come_one_after_the_other_and_a_stopped_track_stays(opened: Sessi
     assert session.track is not None and session.track.times == pytest.approx((0.0, 0.1, 0.5, 1.0))
     stopped = after(session, m.Cancel())
     assert stopped.job is None and stopped.track is session.track
-    assert after(stopped, ForgetTrack()).track is None
-    assert after(session, ForgetTrack()).track is session.track, "not while it grows"
+    assert after(stopped, RemoveTrack()).track is None
+    assert after(session, RemoveTrack()).track is session.track, "not while it grows"
 
 
 def test_a_finished_track_is_told_with_its_numbers(opened: Session) -> None:
@@ -90,10 +90,11 @@ def test_pictures_of_a_frame_stand_side_by_side_and_an_unknown_one_is_black(open
 def test_words_tell_what_became_of_the_frames(opened: Session) -> None:
     session = tracked(opened)
     assert session.track is not None
-    told = describe(session.track, session.shown_track)
-    assert "Lost" in told and "Found again" in told and "cm" in told
-    assert "everywhere" in describe(replace(session.track, steps=()), replace(session.track, steps=()))
-    assert "Bring a video" in describe(None, None)
+    html = describe(session.track, session.shown_track)
+    for status in (TrackStatus.LOST, TrackStatus.FOUND_AGAIN):
+        assert STATUS_LABELS[status] in html
+    empty = replace(session.track, steps=())
+    assert "cm" in html and len({html, describe(empty, empty), describe(None, None)}) == 3
 
 
 @pytest.mark.parametrize(("time", "index"), [(-1.0, 0), (0.0, 0), (0.06, 1), (0.2, 1), (0.4, 2), (9.0, 2)])

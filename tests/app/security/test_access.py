@@ -13,8 +13,8 @@ import viser
 from websockets.exceptions import InvalidStatus
 
 from nerfnav_app.page_server import page_server
+from nerfnav_app.security.access import TokenBucket
 from nerfnav_app.security.address import TokenError
-from nerfnav_app.security.token_bucket import TokenBucket
 from tests.app.security.hostile import address, connect_as_viser
 from tests.waiting import PATIENCE_S, free_port, until
 

@@ -15,6 +15,7 @@ from nerfnav_app.page.panels.status.timeline import TimelinePanel
 from nerfnav_app.security.widget_values import may_set
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
+from tests.app.page.handles import named_handles
 from tests.app.security.hostile import INF, NAN, Page
 
 
@@ -33,49 +34,56 @@ class NoUploads:
 
 @pytest.fixture
 def widgets(served: Page, opened: Session) -> dict[str, Any]:
-    """All widgets of the panels by label, as the page shows them for an open place."""
+    """All widgets of the panels by name, as the page shows them for an open place."""
     posted: list[Command] = []
-    panels = (EndsPanel, EstimatePanel, ExportPanel, FlightSettingsWidgets, ViewSettingsPanel, TimelinePanel)
+    kinds = (EndsPanel, EstimatePanel, ExportPanel, FlightSettingsWidgets, ViewSettingsPanel, TimelinePanel)
+    panels = [kind(served.server, posted.append) for kind in kinds]
+    panels.append(PlacePanel(served.server, posted.append, NoUploads()))  # type: ignore[arg-type]
     for panel in panels:
-        panel(served.server, posted.append).show(opened)
-    PlacePanel(served.server, posted.append, NoUploads()).show(opened)  # type: ignore[arg-type]
-    return {str(widget.label): widget for widget in served.server.gui._gui_input_handle_from_uuid.values()}
+        panel.show(opened)
+    return named_handles(panels)
 
 
 @pytest.mark.parametrize(
-    ("label", "bad"),
+    ("name", "bad"),
     [
-        ("Seed", -1),
-        ("Seed", -1.0),
-        ("Seed", 2**32),
-        ("Push [cm]", NAN),
-        ("Push [cm]", 11.0),
-        ("Twist [°]", INF),
-        ("Twist [°]", 12.0),
-        ("Speed", "as fast as light"),
-        ("Field", "the truth"),
-        ("Opacity [%]", -10.0),
-        ("Cut above [%]", 101.0),
-        ("Slice at [%]", NAN),
-        ("Ellipsoids ×", 0.0),
-        ("Time [s]", NAN),
-        ("Time [s]", "x"),
-        ("Start [m]", [NAN, 0.0, 0.0]),
-        ("Start [m]", [0.0, 0.0]),
-        ("Start [m]", []),
-        ("Goal yaw [°]", NAN),
-        ("Click to place", "the moon"),
-        ("Format", "exe"),
-        ("Place", "/etc/passwd"),
+        ("flight_settings_widgets.seed", -1),
+        ("flight_settings_widgets.seed", -1.0),
+        ("flight_settings_widgets.seed", 2**32),
+        ("flight_settings_widgets.position", NAN),
+        ("flight_settings_widgets.position", 11.0),
+        ("flight_settings_widgets.attitude", INF),
+        ("flight_settings_widgets.attitude", 12.0),
+        ("flight_settings_widgets.speed", "as fast as light"),
+        ("view_settings.backdrop", "the truth"),
+        ("view_settings.opacity", -10.0),
+        ("view_settings.clip", 101.0),
+        ("view_settings.height", NAN),
+        ("estimate.ellipsoid", 0.0),
+        ("timeline.slider", NAN),
+        ("timeline.slider", "x"),
+        ("ends.numbers.start.position", [NAN, 0.0, 0.0]),
+        ("ends.numbers.start.position", [0.0, 0.0]),
+        ("ends.numbers.start.position", []),
+        ("ends.numbers.goal.yaw", NAN),
+        ("ends.aim", "the moon"),
+        ("export.format", "exe"),
+        ("place.places", "/etc/passwd"),
     ],
 )
-def test_what_no_setting_can_be_never_reaches_the_session(widgets: dict[str, Any], label: str, bad: Any) -> None:
-    assert not may_set(widgets[label], {"value": bad})
+def test_what_no_setting_can_be_never_reaches_the_session(widgets: dict[str, Any], name: str, bad: Any) -> None:
+    assert not may_set(widgets[name], {"value": bad})
 
 
 @pytest.mark.parametrize(
-    ("label", "good"),
-    [("Seed", 2**31 - 1), ("Push [cm]", 10.0), ("Twist [°]", 10.0), ("Opacity [%]", 5.0), ("Start [m]", [0.5, 0, 0.4])],
+    ("name", "good"),
+    [
+        ("flight_settings_widgets.seed", 2**31 - 1),
+        ("flight_settings_widgets.position", 10.0),
+        ("flight_settings_widgets.attitude", 10.0),
+        ("view_settings.opacity", 5.0),
+        ("ends.numbers.start.position", [0.5, 0, 0.4]),
+    ],
 )
-def test_what_a_setting_can_be_may_be_set(widgets: dict[str, Any], label: str, good: Any) -> None:
-    assert may_set(widgets[label], {"value": good})
+def test_what_a_setting_can_be_may_be_set(widgets: dict[str, Any], name: str, good: Any) -> None:
+    assert may_set(widgets[name], {"value": good})

@@ -11,8 +11,8 @@ from nerfnav.robots import LIMITS, BodyFile, CouchConfig, Kind, QuadrotorConfig,
 from nerfnav_app.state.robot_draft import (
     KINDS,
     NUMBERS,
+    DiscardEdits,
     EditRobot,
-    ForgetEdits,
     box_of,
     edit_kind,
     make_cylinder,
@@ -79,7 +79,7 @@ def test_changes_come_together_until_they_are_forgotten_or_another_robot_is_take
     assert both.robot_draft is not None and both.robot_draft.camera is not None
     assert (both.robot_draft.mass, both.robot_draft.camera.fov) == (0.4, 70.0)
     assert told.mass == 0.25, "what is chosen has changed"
-    assert after(both, ForgetEdits()).robot_draft is None
+    assert after(both, DiscardEdits()).robot_draft is None
 
 
 def test_bodies_change_their_shape() -> None:

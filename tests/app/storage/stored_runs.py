@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation.episode import Episode, NavigationStep
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.run_store import RunStore

@@ -15,8 +15,8 @@ from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.experiments import ListExperiments, ShowResult, StartExperiment
 from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.runs import ListExperiments, ShowResult, StartExperiment
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.experiment_store import FOLDER, ExperimentResult, ExperimentStore, lines
 from nerfnav_app.storage.run_store import RunStore
@@ -77,7 +77,7 @@ def test_an_experiment_that_fails_is_told_and_can_be_stopped(opened: Session) ->
     begun = reduce(opened, StartExperiment("nonsense", 3))
     assert begun.job is not None
     failed = reduce(begun, m.Reported(begun.job.id, JobFailed("experiment", "there is no such experiment")))
-    assert failed.job is None and failed.notices[-1].title == "Could not do the experiment"
+    assert failed.job is None and failed.notices[-1].title.endswith(JobKind.EXPERIMENT.verb)
     assert reduce(begun, m.Cancel()).job is None
 
 
@@ -103,9 +103,9 @@ def test_results_come_with_their_numbers_and_figures(store: ExperimentStore) -> 
 
 @pytest.mark.parametrize("name", ["../../etc", "/etc", "..", "", "nobody", "a/../b", "x" * 500])
 def test_no_name_leads_out_of_the_folder(store: ExperimentStore, name: str) -> None:
-    told = ExperimentsQuery(1, name).answer(Resources(balls_place(), RunStore(store.folder.parent)))
-    assert told.result is None and len(told.earlier) == 1
-    assert {known for known, _ in told.known} >= {"planners", "collision-correlation"}
+    reported = ExperimentsQuery(1, name).answer(Resources(balls_place(), RunStore(store.folder.parent)))
+    assert reported.result is None and len(reported.earlier) == 1
+    assert {known for known, _ in reported.known} >= {"planners", "collision-correlation"}
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "{", '{"summary": 5}'])

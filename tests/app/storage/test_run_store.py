@@ -133,7 +133,7 @@ def test_a_folder_that_holds_no_flight_is_never_deleted(shelf: RunStore) -> None
 def test_a_program_that_is_killed_in_flight_leaves_all_steps_so_far(shelf: RunStore, field_file: Path) -> None:
     words = [
         "fly", str(field_file), "--start", "-0.6", "-0.6", "0.5", "--goal", "0.6", "-0.6", "0.5",
-        "--config.filter.descent.iterations", "40",  # so that it is still in flight when it is looked at
+        "--filter.descent.iterations", "40",  # so that it is still in flight when it is looked at
     ]  # fmt: skip
     command = [sys.executable, "-c", f"from nerfnav_app.cli.main import main; main({words!r})"]
     environment = {**os.environ, "NERFNAV_RUNS": str(shelf.folder), "OMP_NUM_THREADS": "1"}

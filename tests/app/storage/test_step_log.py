@@ -8,14 +8,12 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation.episode import Episode, NavigationStep
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav_app.storage import step_log as log_module
-from nerfnav_app.storage.file_lock import is_locked
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_metadata import RunMetadata
-from nerfnav_app.storage.step_log import StepLog, count_steps, open_step_log, read_steps
+from nerfnav_app.storage.step_log import StepLog, count_steps, is_locked, open_step_log, read_steps
 from tests.app.storage.stored_runs import about
 from tests.export.flights import flown
 

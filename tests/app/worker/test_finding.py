@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import RigidState
@@ -18,20 +18,26 @@ from nerfnav_app.jobs.track.localize import find
 from nerfnav_app.page.layers.global_localization import frusta
 from nerfnav_app.page.panels.flight import estimate
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.flight import LocalizationRecord
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import LocalizationRecord
 from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
 from nerfnav_app.worker.backend import NavigationBackend
 from nerfnav_app.worker.operator_requests import SessionRequests
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 
 
-def candidates(outcome: RelocaliseOutcome | None = RelocaliseOutcome.FOUND) -> RelocaliseStep:
+def candidates() -> RelocaliseStep:
     """Two places, one of them likely."""
     bodies = RigidState.stack([RigidState.at_rest((0.1, 0.2, 0.3), 0.5), RigidState.at_rest((0.4, 0.2, 0.3))]).pose
     poses = bodies.compose(Pose(FORWARD_MOUNT.rotation, FORWARD_MOUNT.position))
-    return RelocaliseStep(1.0, poses, torch.tensor([0.9, 0.1]), torch.tensor([0.02, 0.05]), outcome)
+    return RelocaliseStep(1.0, poses, torch.tensor([0.9, 0.1]), torch.tensor([0.02, 0.05]))
+
+
+def ended(outcome: RelocaliseOutcome | None = RelocaliseOutcome.FOUND) -> LocalizationRecord:
+    """A search with these places; None: it goes on."""
+    return LocalizationRecord(candidates(), 0, outcome)
 
 
 def flying(opened: Session, steps: int) -> Session:
@@ -58,8 +64,8 @@ def test_after_a_flight_the_robot_is_looked_for_by_its_last_picture(opened: Sess
     finding = after(session, m.FindRobot())
     assert finding.job is not None and finding.job.kind is JobKind.FIND
     assert finding.flight is session.flight, "the flight stays in sight"
-    found = reports(finding, candidates(None), candidates())
-    assert found.search is not None and found.search.at == 6 and found.search.step.outcome is RelocaliseOutcome.FOUND
+    found = reports(finding, candidates(), RelocaliseResult(RelocaliseOutcome.FOUND, candidates()))
+    assert found.search is not None and found.search.at == 6 and found.search.outcome is RelocaliseOutcome.FOUND
     told = {"outcome": "found", "advice": "one place looks like the picture"}
     done = reports(found, JobFinished("localize", JobResult(told)))
     assert done.job is None and (done.notices[-1].title, done.notices[-1].bad) == ("Found", False)
@@ -77,7 +83,7 @@ def test_a_new_flight_forgets_what_was_found(opened: Session) -> None:
 
 def test_what_was_found_is_in_sight_near_the_time_of_its_picture() -> None:
     search = LocalizationRecord(candidates(), at=10)
-    assert [search.in_sight(steps) for steps in (5, 6, 10, 14, 15)] == [False, True, True, True, False]
+    assert [search.is_visible_at(steps) for steps in (5, 6, 10, 14, 15)] == [False, True, True, True, False]
 
 
 def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_once(opened: Session) -> None:
@@ -87,9 +93,9 @@ def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_
     asked = after(session, m.KidnapRobot(), m.FindRobot(), m.Gust())
     assert asked.job is not None and (asked.job.kidnaps, asked.job.searches, asked.job.gusts) == (1, 1, 1)
     helm.follow(asked)
-    first, second = helm.orders(), helm.orders()
-    assert first.search and first.carried is not None and first.gust is not None
-    assert not second.search and second.carried is None and second.gust is None
+    first, second = helm.take(), helm.take()
+    assert first.search and first.kidnap_pose is not None and first.gust is not None
+    assert not second.search and second.kidnap_pose is None and second.gust is None
     assert after(opened, m.KidnapRobot()) is opened, "there is nobody to carry"
 
 
@@ -100,9 +106,9 @@ def test_the_robot_is_carried_to_where_it_fits_not_far_from_where_it_is(opened: 
     job, place = replace(session.job, id=session.job.id), session.place
     helm = SessionRequests(job, place)
     for _ in range(seed):
-        helm.orders()
+        helm.take()
     helm.follow(after(session, *[m.KidnapRobot()] * (seed + 1)))
-    carried, truth = helm.orders().carried, session.flight.steps[-1].truth
+    carried, truth = helm.take().kidnap_pose, session.flight.steps[-1].truth
     assert carried is not None and 0.5 <= (carried.position - truth.position).norm() < 1.1
     there = replace(truth, position=carried.position, rotation=carried.rotation)
     assert fits(place.field, place.robot.body, there)
@@ -128,11 +134,12 @@ def test_the_first_search_says_how_far_it_has_looked_around_and_may_be_left(open
 
 
 def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None:
-    told = estimate.found(candidates())
-    for text in ("One place looks like the picture.", "0.10, 0.20, 0.30", "90 %", "29°"):
-        assert text in told
-    assert "2 places are left" in estimate.found(candidates(None))
-    assert "move and look again" in estimate.found(candidates(RelocaliseOutcome.AMBIGUOUS))
+    html = estimate.describe_candidates(ended())
+    for text in (sentence(RelocaliseOutcome.FOUND.value), "0.10, 0.20, 0.30", "90 %", "29°"):
+        assert text in html
+    assert str(len(candidates().weights)) in estimate.describe_candidates(ended(None))
+    ambiguous = estimate.describe_candidates(ended(RelocaliseOutcome.AMBIGUOUS))
+    assert sentence(RelocaliseOutcome.AMBIGUOUS.value) in ambiguous
 
 
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
@@ -152,6 +159,6 @@ def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:
 
 
 def test_where_no_place_looks_like_the_picture_none_is_called_likely() -> None:
-    told = estimate.found(candidates(RelocaliseOutcome.LOST))
-    assert "No place looks like the picture" in told and "90 %" not in told
-    assert "90 %" in estimate.found(candidates())
+    html = estimate.describe_candidates(ended(RelocaliseOutcome.LOST))
+    assert sentence(RelocaliseOutcome.LOST.value) in html and "90 %" not in html
+    assert "90 %" in estimate.describe_candidates(ended())

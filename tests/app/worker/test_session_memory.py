@@ -36,17 +36,17 @@ def test_ends_settings_and_camera_are_as_they_were_left_when_a_server_opens_the_
 ) -> None:
     left = changed(opened)
     SessionMemory(tmp_path, left.what).follow(left)
-    again = Session.opening(left.what, left_off=SessionMemory(tmp_path, left.what).last())
+    again = Session.opening(left.what, saved=SessionMemory(tmp_path, left.what).last())
     there = reports(again, PlaceOpened(balls_place()))
     assert there.view == there.viewed == HERE, "the camera is where it was"
-    assert there.moment == left.moment and there.left_off is None and not there.history.past
+    assert there.moment == left.moment and there.saved is None and not there.history.past
     assert after(there, m.Reset()).ends == opened.ends, "what was found at first is forgotten"
 
 
 def test_a_camera_that_had_lost_sight_of_the_place_begins_anew(opened: Session, tmp_path: Path) -> None:
     lost = after(changed(opened), CameraRested(((9.0, 9.0, 9.0), (20.0, 20.0, 9.0))))
     SessionMemory(tmp_path, lost.what).follow(lost)
-    again = Session.opening(lost.what, left_off=SessionMemory(tmp_path, lost.what).last())
+    again = Session.opening(lost.what, saved=SessionMemory(tmp_path, lost.what).last())
     there = reports(again, PlaceOpened(balls_place()))
     assert there.view is None and there.viewed is None
     assert there.moment == lost.moment, "all else is as it was left"

@@ -14,6 +14,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.core.jit import Kernel
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav_app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.reducers.root import reduce
@@ -206,7 +207,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     work = ScriptedWork({JobKind.PLAN: [slow] * 10_000 + [JobResult()]})
     loop = loop_for(work)
     loop.settle()
-    loop.take(m.StartPlan(), m.MoveEnd(m.EndRole.GOAL, m.End((0.5, -0.5, 0.5))))
+    loop.take(m.StartPlan(), m.MoveEnd(EndRole.GOAL, End((0.5, -0.5, 0.5))))
     loop.until(lambda: pending_queries(loop.session) == ())
     assert loop.session.job is not None
 
@@ -253,9 +254,9 @@ def test_an_answer_that_took_long_once_does_not_put_the_next_one_off_for_long(
     queries = OpenQueries(Compiling())
     first, second = (RobotViewQuery(("flight", 0, 0, k), (), rough=True) for k in range(2))
     queries.answer(session, first)
-    assert queries.rests(second)
+    assert queries.is_resting(second)
     time.sleep(0.6)
-    assert not queries.rests(second)
+    assert not queries.is_resting(second)
 
 
 def test_a_job_that_just_ends_leaves_nothing_running(loop_for: Callable[[ScriptedWork], Loop]) -> None:

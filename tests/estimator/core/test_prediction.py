@@ -5,13 +5,14 @@ from dataclasses import replace
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.core.prediction import estimate_noise_scale, scale_process_noise
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
-from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.robots import StateNoise
 from tests.estimator.gauss_newton.test_fast_filter import CONFIG, PYRAMID, SMALL
-from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, draws, picture, posterior, voxel_balls
+from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, draws, picture, voxel_balls
 
 SEEN = 1e6 * torch.eye(6)
 FILTER = FastFilter(voxel_balls(), ROBOT, CAMERA, config=CONFIG)
@@ -48,8 +49,8 @@ def kicked(filter_: FastFilter, kick: float, grain: torch.Generator | None = Non
     """After an update in which the robot was kicked aside by so much [m], and saw that with `grain` or without."""
     truth = ROBOT.step(HERE, HOVER, DT).retract(kick * torch.eye(12)[1])
     image = picture(voxel_balls(), truth, grain)
-    *_, last = filter_.update(Belief(HERE, SMALL.covariance()), image, HOVER, DT, draws(0))
-    return posterior(last)
+    last = run_steps(filter_.update(Belief(HERE, SMALL.covariance()), image, HOVER, DT, draws(0)))
+    return last.posterior
 
 
 def test_a_robot_that_was_kicked_is_less_sure_of_its_velocity_and_as_sure_of_its_place():
@@ -61,17 +62,17 @@ def test_a_robot_that_was_kicked_is_less_sure_of_its_velocity_and_as_sure_of_its
 
 
 def test_a_picture_that_differs_more_than_promised_or_shows_little_tells_less():
-    def told(adaptive: bool, **colors: float) -> float:
+    def variance(adaptive: bool, **colors: float) -> float:
         noise = replace(CONFIG.color_noise, **colors)
         filter_ = replace(FILTER, config=replace(CONFIG, color_noise=noise, adaptive=adaptive))
         return kicked(filter_, 0.0, draws(3)).covariance[0, 0].item()
 
-    assert told(True, few_patches=1e4) > 2 * told(True)
-    rise = [told(True, few_patches=few) - told(True, few_patches=0.1) for few in (100.0, 200.0)]
+    assert variance(True, few_patches=1e4) > 2 * variance(True)
+    rise = [variance(True, few_patches=few) - variance(True, few_patches=0.1) for few in (100.0, 200.0)]
     assert rise[1] > 3 * rise[0], "by the square of the number of patches"
-    assert told(False, few_patches=1e4) == pytest.approx(told(False))
-    assert told(True, std=0.8 * COLOR_STD) > 1.5 * told(False, std=0.8 * COLOR_STD)
-    assert told(True, std=3 * COLOR_STD) == pytest.approx(told(False, std=3 * COLOR_STD), rel=0.05)
+    assert variance(False, few_patches=1e4) == pytest.approx(variance(False))
+    assert variance(True, std=0.8 * COLOR_STD) > 1.5 * variance(False, std=0.8 * COLOR_STD)
+    assert variance(True, std=3 * COLOR_STD) == pytest.approx(variance(False, std=3 * COLOR_STD), rel=0.05)
 
 
 def test_the_paper_knows_its_noises():

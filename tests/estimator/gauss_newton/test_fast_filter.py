@@ -8,15 +8,16 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.filter_config import FilterConfig
+from nerfnav.estimator.core.filter_step import FilterOutcome
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter, inerf
 from nerfnav.estimator.paper.cost import PoseCost
-from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
-from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, count_patches
+from nerfnav.estimator.photometric.residuals import ColorNoise, FieldCamera, Observation, count_patches
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
@@ -25,13 +26,11 @@ from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
-from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, balls, draws, picture, posterior, updated
+from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, Updated, balls, draws, picture, updated
 
 SMALL = StateNoise(0.01, 0.01, 0.01, 0.01)
 SEARCH = SearchConfig(candidates=12, starts=3, pixels=(60, 100), iterations=(2, 3, 8))
-PYRAMID = PyramidConfig(
-    halvings=(1, 0), robust=(0.5, 0.1), iterations=(4, 10), candidates=12, starts=3, search=SEARCH
-)
+PYRAMID = PyramidConfig(halvings=(1, 0), robust=(0.5, 0.1), iterations=(4, 10), candidates=12, starts=3, search=SEARCH)
 CONFIG = FilterConfig(
     pyramid=PYRAMID, process_noise=SMALL, color_noise=ColorNoise(std=COLOR_STD, per_patch=10.0), gain_std=0, bias_std=0,
     floor=StateNoise(0.0, 0.0, 0.0, 0.0), grain=0.0,
@@ -40,7 +39,7 @@ FILTER = FastFilter(balls(), ROBOT, CAMERA, config=CONFIG)
 SHAPE = (CAMERA.height, CAMERA.width, 3)
 
 
-def update(seed: int, filter_: FastFilter = FILTER) -> tuple[list[FilterStep], RigidState, Belief]:
+def update(seed: int, filter_: FastFilter = FILTER) -> Updated:
     """One update of HERE's belief under SMALL noise, see `updated`."""
     return updated(filter_, SMALL, seed)
 
@@ -54,24 +53,24 @@ def assert_sound(belief: Belief) -> None:
 
 
 def test_a_picture_makes_the_pose_many_times_better():
-    steps, truth, prediction = update(0)
-    before, after = prediction.mean.local(truth), posterior(steps[-1]).mean.local(truth)
-    assert steps[-1].outcome is FilterOutcome.UPDATED
+    _, result, truth, prediction = update(0)
+    before, after = prediction.mean.local(truth), result.posterior.mean.local(truth)
+    assert result.outcome is FilterOutcome.UPDATED
     assert after[:3].norm() < 0.3 * before[:3].norm()
     assert after[6:9].norm() < 0.3 * before[6:9].norm()
 
 
-def test_every_iteration_is_yielded_and_only_the_last_step_has_the_posterior():
-    steps, _, _ = update(1)
-    assert all(step.posterior is None and step.outcome is None for step in steps[:-1])
-    assert steps[-1].posterior is not None
+def test_every_iteration_is_yielded_and_the_last_step_has_the_posteriors_mean():
+    steps, result, *_ = update(1)
+    assert steps[-1] is result.step
+    assert torch.equal(result.step.mean.position, result.posterior.mean.position)
     numbers = [step.iteration for step in steps]
     assert numbers[:-1] == [*range(len(steps) - 1)] and numbers[-1] == numbers[-2]
 
 
 def test_derivatives_of_what_a_body_sees_are_those_of_finite_differences():
     off_centre = replace(FORWARD_MOUNT, position=torch.tensor([0.05, 0.02, 0.03]))
-    seen = Observation.of(picture(balls(), HERE), CAMERA.pixels()[::7], (balls(), CAMERA, off_centre))
+    seen = Observation.of(picture(balls(), HERE), CAMERA.pixels()[::7], FieldCamera(balls(), CAMERA, off_centre))
     _, jacobian = seen.linearised(HERE.pose.map(lambda tensor: tensor[None]))
     samples, h = seen.samples(HERE), 1e-3
     for column, index in enumerate((0, 1, 2, 6, 7, 8)):
@@ -82,8 +81,8 @@ def test_derivatives_of_what_a_body_sees_are_those_of_finite_differences():
 
 
 def test_velocity_moves_through_the_predictions_cross_covariance():
-    steps, _, prediction = update(2, replace(FILTER, config=replace(CONFIG, adaptive=False)))
-    last = posterior(steps[-1]).mean
+    _, result, _, prediction = update(2, replace(FILTER, config=replace(CONFIG, adaptive=False)))
+    last = result.posterior.mean
     pose = [0, 1, 2, 6, 7, 8]
     change = prediction.mean.local(last)
     covariance = prediction.covariance
@@ -92,8 +91,8 @@ def test_velocity_moves_through_the_predictions_cross_covariance():
 
 
 def test_the_exact_covariance_is_near_that_of_gauss_newton():
-    quick = posterior(update(3)[0][-1]).covariance
-    exact = posterior(update(3, replace(FILTER, config=replace(CONFIG, exact_covariance=True)))[0][-1]).covariance
+    quick = update(3).result.posterior.covariance
+    exact = update(3, replace(FILTER, config=replace(CONFIG, exact_covariance=True))).result.posterior.covariance
     ratio = quick.diagonal()[:3].sqrt() / exact.diagonal()[:3].sqrt()
     assert ((ratio > 0.5) & (ratio < 2)).all()
 
@@ -103,25 +102,25 @@ def test_a_darker_picture_finds_the_same_place_when_exposure_is_estimated():
     truth = HERE.retract(torch.tensor([0.01, -0.01, 0.01, 0, 0, 0, 0.01, 0.01, -0.01, 0, 0, 0]))
     dark = (0.75 * picture(balls(), truth).float() + 12).round().to(torch.uint8)
     prediction = Belief(HERE, SMALL.covariance())
-    *_, aware = filter_.correct(prediction, dark, draws(0))
-    *_, blind = FILTER.correct(prediction, dark, draws(0))
-    error = truth.local(aware.mean)[:3].norm()
-    assert error < 2e-3 and error < truth.local(blind.mean)[:3].norm()
+    aware = run_steps(filter_.correct(prediction, dark, draws(0)))
+    blind = run_steps(FILTER.correct(prediction, dark, draws(0)))
+    error = truth.local(aware.posterior.mean)[:3].norm()
+    assert error < 2e-3 and error < truth.local(blind.posterior.mean)[:3].norm()
 
 
 def test_inerf_ignores_the_prediction_once_it_has_started():
-    steps, truth, prediction = update(4, inerf(balls(), ROBOT, CAMERA, config=CONFIG))
-    last = posterior(steps[-1]).mean
+    _, result, truth, prediction = update(4, inerf(balls(), ROBOT, CAMERA, config=CONFIG))
+    last = result.posterior.mean
     assert truth.local(last)[:3].norm() < 0.3 * truth.local(prediction.mean)[:3].norm()
     torch.testing.assert_close(last.velocity, prediction.mean.velocity)
 
 
 def test_without_a_picture_the_dynamics_alone_move_the_belief():
     belief = Belief(HERE, SMALL.covariance())
-    (step,) = FILTER.update(belief, None, HOVER, 0.17, draws(0))
+    step = run_steps(FILTER.update(belief, None, HOVER, 0.17, draws(0)))
     expected = predict(belief, HOVER, ROBOT, 0.17, SMALL)
     assert step.outcome is FilterOutcome.PREDICTED_ONLY
-    torch.testing.assert_close(posterior(step).covariance, expected.covariance)
+    torch.testing.assert_close(step.posterior.covariance, expected.covariance)
 
 
 def noise_image(seed: int) -> Tensor:
@@ -140,8 +139,8 @@ WRONG = {
 
 @pytest.mark.parametrize("kind", WRONG)
 def test_no_picture_breaks_the_belief(kind: str):
-    (*_, step) = FILTER.update(Belief(HERE, SMALL.covariance()), WRONG[kind], HOVER, DT, draws(0))
-    assert_sound(posterior(step))
+    step = run_steps(FILTER.update(Belief(HERE, SMALL.covariance()), WRONG[kind], HOVER, DT, draws(0)))
+    assert_sound(step.posterior)
     if kind in ("black", "white", "grey"):
         assert step.outcome is FilterOutcome.PREDICTED_ONLY
     if kind == "noise":
@@ -162,12 +161,12 @@ def test_light_after_ten_frames_under_a_lens_cap_finds_the_robot_again():
     filter_ = replace(FILTER, config=quiet)
     for _ in range(10):
         truth = ROBOT.step(truth, HOVER, DT)
-        (step,) = filter_.update(belief, WRONG["black"], HOVER, DT, draws(0))
-        belief = posterior(step)
+        step = run_steps(filter_.update(belief, WRONG["black"], HOVER, DT, draws(0)))
+        belief = step.posterior
     truth = truth.retract(torch.tensor([0.03, 0.02, -0.02, 0, 0, 0, 0.02, 0.0, 0.03, 0, 0, 0]))
     for _ in range(2):
-        (*_, step) = filter_.correct(belief, picture(balls(), truth), draws(1))
-        belief = posterior(step)
+        step = run_steps(filter_.correct(belief, picture(balls(), truth), draws(1)))
+        belief = step.posterior
     assert truth.local(belief.mean)[:3].norm() < 5e-3
 
 
@@ -176,9 +175,9 @@ def test_updates_whose_time_steps_vary_follow_a_robot():
     push = HOVER + torch.tensor([0.2, 0.0, 0.0, 0.0])
     for dt in (0.07, 0.13):
         truth = ROBOT.step(truth, push, dt)
-        (*_, step) = FILTER.update(belief, picture(balls(), truth, generator), push, dt, generator)
+        step = run_steps(FILTER.update(belief, picture(balls(), truth, generator), push, dt, generator))
         assert step.outcome is FilterOutcome.UPDATED
-        belief = posterior(step)
+        belief = step.posterior
         assert truth.local(belief.mean)[:3].norm() < 5e-3
     assert_sound(belief)
 
@@ -186,17 +185,17 @@ def test_updates_whose_time_steps_vary_follow_a_robot():
 def test_a_turned_picture_leaves_a_sound_belief_that_knows_it_is_lost():
     square = replace(FILTER, camera=Camera.from_fov(20, 20, 80))
     image = picture(balls(), HERE)[:, 2:22].rot90().contiguous()
-    (*_, step) = square.update(Belief(HERE, SMALL.covariance()), image, HOVER, DT, draws(0))
-    assert_sound(posterior(step))
+    step = run_steps(square.update(Belief(HERE, SMALL.covariance()), image, HOVER, DT, draws(0)))
+    assert_sound(step.posterior)
     assert step.outcome is FilterOutcome.DIVERGED
 
 
 @pytest.mark.parametrize("draw", PixelDraw)
 def test_a_picture_improves_the_pose_however_its_pixels_are_drawn(draw: PixelDraw):
     config = replace(CONFIG, pyramid=replace(PYRAMID, pixels=150, draw=draw))
-    steps, truth, prediction = update(0, replace(FILTER, config=config))
-    assert len(steps[-1].pixels) == 150
-    assert posterior(steps[-1]).mean.local(truth)[:3].norm() < 0.4 * prediction.mean.local(truth)[:3].norm()
+    _, result, truth, prediction = update(0, replace(FILTER, config=config))
+    assert len(result.step.pixels) == 150
+    assert result.posterior.mean.local(truth)[:3].norm() < 0.4 * prediction.mean.local(truth)[:3].norm()
 
 
 def test_a_lens_that_bends_lines_is_seen_through():
@@ -204,16 +203,16 @@ def test_a_lens_that_bends_lines_is_seen_through():
     truth = HERE.retract(torch.tensor([0.01, -0.01, 0.01, 0, 0, 0, 0.01, 0.01, -0.01, 0, 0, 0]))
     color = render_image(balls(), bent, truth.pose.compose(FORWARD_MOUNT)).color
     image = (255 * color).round().to(torch.uint8)
-    *_, aware = replace(FILTER, camera=bent).correct(Belief(HERE, SMALL.covariance()), image, draws(0))
-    *_, blind = FILTER.correct(Belief(HERE, SMALL.covariance()), image, draws(0))
-    error = truth.local(posterior(aware).mean)[:3].norm()
-    assert error < 2e-3 and error < truth.local(posterior(blind).mean)[:3].norm()
+    aware = run_steps(replace(FILTER, camera=bent).correct(Belief(HERE, SMALL.covariance()), image, draws(0)))
+    blind = run_steps(FILTER.correct(Belief(HERE, SMALL.covariance()), image, draws(0)))
+    error = truth.local(aware.posterior.mean)[:3].norm()
+    assert error < 2e-3 and error < truth.local(blind.posterior.mean)[:3].norm()
 
 
 def test_a_prior_without_any_spread_is_refused_unless_the_dynamics_add_some():
     flat = Belief(HERE, torch.zeros(12, 12))
-    (*_, step) = FILTER.update(flat, picture(balls(), HERE), HOVER, DT, draws(0))
-    assert_sound(posterior(step))
+    step = run_steps(FILTER.update(flat, picture(balls(), HERE), HOVER, DT, draws(0)))
+    assert_sound(step.posterior)
     still = replace(FILTER, config=replace(CONFIG, process_noise=StateNoise(0.0, 0.0, 0.0, 0.0)))
     with pytest.raises(InvalidInputError, match="not finite and positive definite"):
         list(still.update(flat, picture(balls(), HERE), HOVER, DT, draws(0)))
@@ -240,10 +239,10 @@ def test_a_wall_without_anything_on_it_is_worth_one_patch_however_large_it_is():
 
 def test_the_process_term_is_that_of_the_papers_cost():
     """Its process term is that of Eq. 6."""
-    steps, _, prediction = update(5)
-    step = steps[-1]
+    _, result, _, prediction = update(5)
+    step = result.step
     colors = CONFIG.color_noise
-    seen = Observation.of(picture(balls(), HERE), step.pixels, (balls(), CAMERA, FORWARD_MOUNT))
+    seen = Observation.of(picture(balls(), HERE), step.pixels, FieldCamera(balls(), CAMERA, FORWARD_MOUNT))
     cost = PoseCost.of(seen, prediction, replace(colors, alike=1.0))
     assert cost.process(step.mean).item() == pytest.approx(step.process, rel=0.02, abs=1e-3)
 
@@ -262,10 +261,10 @@ def test_a_picture_that_nothing_found_explains_is_as_likely_as_not_of_somewhere_
     clean = picture(balls(), truth).float()
     noise = 255 * COLOR_STD * torch.randn(clean.shape, generator=draws(1))
     noisy, noisier = ((clean + size * noise).clamp(0, 255).round().to(torch.uint8) for size in (1.0, 1.8))
-    *_, explained = FILTER.correct(prediction, noisy, draws(0))
-    *_, doubtful = FILTER.correct(prediction, noisier, draws(0))
+    explained = run_steps(FILTER.correct(prediction, noisy, draws(0)))
+    doubtful = run_steps(FILTER.correct(prediction, noisier, draws(0)))
     assert explained.outcome is FilterOutcome.UPDATED and doubtful.outcome is FilterOutcome.WEAK
-    sure, unsure = posterior(explained), posterior(doubtful)
+    sure, unsure = explained.posterior, doubtful.posterior
     assert sure.mean.local(truth)[:3].norm() < 2e-3
     assert (unsure.mean.local(truth)[:3] - 0.5 * OFF[:3]).norm() < 3e-3, "half way to where the picture leads"
     away = unsure.mean.local(HERE)
@@ -280,20 +279,20 @@ def test_a_few_strange_pixels_leave_a_picture_explained():
     image, generator = picture(balls(), truth), draws(2)
     strange = torch.rand(*SHAPE[:2], 1, generator=generator) < 0.06
     image = torch.where(strange, torch.randint(0, 256, SHAPE, generator=generator, dtype=torch.uint8), image)
-    *_, last = FILTER.correct(prediction, image, draws(0))
-    assert last.residual.square().mean().sqrt() > SEARCH.doubt * COLOR_STD, "it is searched with all the same"
+    last = run_steps(FILTER.correct(prediction, image, draws(0)))
+    assert last.step.residual.square().mean().sqrt() > SEARCH.doubt * COLOR_STD, "it is searched with all the same"
     assert last.outcome is FilterOutcome.UPDATED
-    assert posterior(last).mean.local(truth)[:3].norm() < 4e-3
+    assert last.posterior.mean.local(truth)[:3].norm() < 4e-3
 
 
 def test_a_doubtful_end_far_from_the_prediction_is_left():
     prediction = Belief(HERE, StateNoise(0.004, 0.004, 0.004, 0.004).covariance())
     clean = picture(balls(), HERE.retract(OFF)).float()
     noise = 1.8 * 255 * COLOR_STD * torch.randn(clean.shape, generator=draws(1))
-    *_, last = FILTER.correct(prediction, (clean + noise).clamp(0, 255).round().to(torch.uint8), draws(0))
-    assert last.process > 12.6 and last.outcome is FilterOutcome.WEAK
-    torch.testing.assert_close(posterior(last).covariance, prediction.covariance)
-    torch.testing.assert_close(posterior(last).mean.position, HERE.position)
+    last = run_steps(FILTER.correct(prediction, (clean + noise).clamp(0, 255).round().to(torch.uint8), draws(0)))
+    assert last.step.process > 12.6 and last.outcome is FilterOutcome.WEAK
+    torch.testing.assert_close(last.posterior.covariance, prediction.covariance)
+    torch.testing.assert_close(last.posterior.mean.position, HERE.position)
 
 
 _PERIOD = 0.04
@@ -323,16 +322,16 @@ def beside_stripes(shift: float, rounds: int) -> tuple[float, Belief, float]:
     config = FilterConfig(color_noise=ColorNoise(std=0.03))
     config = replace(config, pyramid=replace(config.pyramid, search=replace(config.pyramid.search, rounds=rounds)))
     filter_ = FastFilter(field, ROBOT, camera, config=config)
-    *_, last = filter_.correct(Belief(here, noise.covariance()), image, draws(3))
-    belief = posterior(last)
+    last = run_steps(filter_.correct(Belief(here, noise.covariance()), image, draws(3)))
+    belief = last.posterior
     return float(belief.mean.local(truth)[1]), belief, count_patches(image, noise_std=0.03)
 
 
 def test_where_two_minima_are_alike_the_covariance_covers_both():
     shift = 0.65 * _PERIOD
-    (alone, sure, told), (off, unsure, _) = beside_stripes(shift, rounds=0), beside_stripes(shift, rounds=1)
+    (alone, sure, independent), (off, unsure, _) = beside_stripes(shift, rounds=0), beside_stripes(shift, rounds=1)
     deviation = float(sure.covariance[1, 1].sqrt())
-    assert told < SearchConfig().patches
+    assert independent < SearchConfig().patches
     assert abs(abs(alone) - _PERIOD) < 0.006, "the nearest stripe is a wrong one"
     assert deviation < 0.3 * _PERIOD, "Laplace's covariance sees one minimum"
     spread = float(unsure.covariance[1, 1].sqrt())

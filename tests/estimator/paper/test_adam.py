@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.estimator.paper.adam import DescentConfig, descend
+from nerfnav.estimator.core.filter_config import DescentConfig
+from nerfnav.estimator.paper.adam import descend
 from nerfnav.estimator.paper.retraction import retract
 from nerfnav.robots import StateNoise
 from tests.estimator.places import HERE, cost_at, near

@@ -8,13 +8,13 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Corrector, estimators
-from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.covariance import Curvature
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.belief import Belief, Curvature
+from nerfnav.estimator.core.filter_config import DescentConfig, FilterConfig
+from nerfnav.estimator.core.filter_step import FilterOutcome
 from nerfnav.estimator.core.prediction import predict
-from nerfnav.estimator.paper.adam import DescentConfig
-from nerfnav.estimator.paper.pose_filter import FilterConfig, PoseFilter
+from nerfnav.estimator.paper.pose_filter import PoseFilter
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig, PixelSource
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.field import FieldInfo
@@ -30,11 +30,12 @@ from tests.estimator.places import (
     HERE,
     HOVER,
     ROBOT,
+    Updated,
     balls,
+    collect,
     draws,
     near,
     picture,
-    posterior,
     updated,
 )
 
@@ -50,24 +51,25 @@ CONFIG = FilterConfig(
 FILTER = PoseFilter(balls(), ROBOT, CAMERA, config=CONFIG)
 
 
-def update(seed: int, filter_: PoseFilter = FILTER) -> tuple[list[FilterStep], RigidState, Belief]:
+def update(seed: int, filter_: PoseFilter = FILTER) -> Updated:
     """One update of HERE's belief under SMALL noise, see `updated`."""
     return updated(filter_, SMALL, seed)
 
 
 def test_a_picture_makes_the_pose_many_times_better():
-    steps, truth, prediction = update(0)
-    before, after = prediction.mean.local(truth), posterior(steps[-1]).mean.local(truth)
+    _, result, truth, prediction = update(0)
+    before, after = prediction.mean.local(truth), result.posterior.mean.local(truth)
     assert after[:3].norm() < 0.3 * before[:3].norm()
     assert after[6:9].norm() < 0.5 * before[6:9].norm()
-    assert steps[-1].outcome is FilterOutcome.UPDATED
-    assert steps[-1].curvature is Curvature.EXACT
+    assert result.outcome is FilterOutcome.UPDATED
+    assert result.curvature is Curvature.EXACT
 
 
-def test_every_iteration_is_yielded_and_only_the_last_step_has_the_posterior():
-    steps, _, prediction = update(1)
+def test_every_iteration_is_yielded_and_the_last_step_has_the_posteriors_mean():
+    steps, result, _, prediction = update(1)
     assert [step.iteration for step in steps] == [*range(DESCENT.iterations + 1), DESCENT.iterations]
-    assert all(step.posterior is None and step.outcome is None for step in steps[:-1])
+    assert steps[-1] is result.step
+    assert torch.equal(result.step.mean.position, result.posterior.mean.position)
     assert torch.equal(steps[0].mean.position, prediction.mean.position)
     assert steps[-1].photometric < steps[0].photometric
 
@@ -83,8 +85,8 @@ def test_the_covariance_is_honest():  # about five seconds, yet unmarked: each c
     """Mean NEES of 12 updates: 12 is right, and chance alone stays within 7.6 and 17.5 in 998 of 1,000 cases."""
     nees = []
     for seed in range(12):
-        steps, truth, _ = update(100 + seed)
-        belief = posterior(steps[-1])
+        _, result, truth, _ = update(100 + seed)
+        belief = result.posterior
         error = belief.mean.local(truth)
         nees.append((error @ torch.linalg.solve(belief.covariance, error)).item())
     assert 7.6 < sum(nees) / len(nees) < 17.5
@@ -92,7 +94,7 @@ def test_the_covariance_is_honest():  # about five seconds, yet unmarked: each c
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_posterior():
-    first, second = (posterior(update(3)[0][-1]) for _ in range(2))
+    first, second = (update(3).result.posterior for _ in range(2))
     assert torch.equal(first.mean.position, second.mean.position)
     assert torch.equal(first.covariance, second.covariance)
 
@@ -100,12 +102,12 @@ def test_the_same_seed_gives_the_same_posterior():
 def test_a_picture_without_contrast_leaves_the_prediction():
     black = torch.zeros(CAMERA.height, CAMERA.width, 3, dtype=torch.uint8)
     belief = near(HERE, 0)
-    (step,) = FILTER.update(belief, black, HOVER, DT, draws(0))
-    assert step.outcome is FilterOutcome.PREDICTED_ONLY
-    assert step.pixel_source is PixelSource.UNIFORM
+    result = run_steps(FILTER.update(belief, black, HOVER, DT, draws(0)))
+    assert result.outcome is FilterOutcome.PREDICTED_ONLY
+    assert result.step.pixel_source is PixelSource.UNIFORM
     expected = predict(belief, HOVER, ROBOT, DT, SMALL)
-    torch.testing.assert_close(posterior(step).covariance, expected.covariance)
-    torch.testing.assert_close(posterior(step).mean.position, expected.mean.position)
+    torch.testing.assert_close(result.posterior.covariance, expected.covariance)
+    torch.testing.assert_close(result.posterior.mean.position, expected.mean.position)
 
 
 @dataclass(frozen=True)
@@ -120,16 +122,16 @@ class BrokenField(BallsField):
 
 def test_a_field_that_shows_nan_leaves_the_prediction():
     broken = BrokenField(BOX, balls().centers, balls().radii, step=0.03)
-    steps = update(0, replace(FILTER, field=broken))[0]
-    assert steps[-1].outcome is FilterOutcome.PREDICTED_ONLY
-    assert posterior(steps[-1]).mean.position.isfinite().all()
+    result = update(0, replace(FILTER, field=broken)).result
+    assert result.outcome is FilterOutcome.PREDICTED_ONLY
+    assert result.posterior.mean.position.isfinite().all()
 
 
 def test_a_picture_from_elsewhere_is_reported_as_diverged():
     belief, elsewhere = near(HERE, 0, SMALL), RigidState.at_rest((0.3, 0.3, 0.6), 2.5)
-    *_, step = FILTER.update(belief, picture(balls(), elsewhere), HOVER, DT, draws(0))
+    step = run_steps(FILTER.update(belief, picture(balls(), elsewhere), HOVER, DT, draws(0)))
     assert step.outcome is FilterOutcome.DIVERGED
-    assert posterior(step).covariance.isfinite().all()
+    assert step.posterior.covariance.isfinite().all()
 
 
 @pytest.mark.slow
@@ -139,11 +141,12 @@ def test_a_false_minimum_is_left_by_trying_again():
     wide = replace(CONFIG, process_noise=far, descent=coarse)
     belief, truth = Belief(HERE.retract(far.sample(draws(11))), SMALL.covariance()), ROBOT.step(HERE, HOVER, DT)
     image = picture(balls(), truth)
-    once = list(replace(FILTER, config=wide).update(belief, image, HOVER, DT, draws(0)))
-    more = list(replace(FILTER, config=replace(wide, retries=3)).update(belief, image, HOVER, DT, draws(0)))
-    assert once[-1].outcome is FilterOutcome.DIVERGED
-    assert more[-1].outcome is FilterOutcome.UPDATED
-    assert posterior(more[-1]).mean.local(truth)[:3].norm() < 0.02
+    once = run_steps(replace(FILTER, config=wide).update(belief, image, HOVER, DT, draws(0)))
+    patient = replace(FILTER, config=replace(wide, retries=3))
+    more, found = collect(patient.update(belief, image, HOVER, DT, draws(0)))
+    assert once.outcome is FilterOutcome.DIVERGED
+    assert found.outcome is FilterOutcome.UPDATED
+    assert found.posterior.mean.local(truth)[:3].norm() < 0.02
     assert [step.iteration for step in more[:-1]] == list(range(len(more) - 1))
 
 
@@ -152,9 +155,9 @@ def test_outliers_do_not_pull_the_pose():
     image = picture(balls(), HERE, generator)
     image[2:8, 3:9] = torch.tensor([255, 0, 255], dtype=torch.uint8)
     belief = near(HERE, 7, SMALL)
-    *_, step = FILTER.update(belief, image, HOVER, DT, generator)
-    truth = ROBOT.step(HERE, HOVER, DT)
-    assert posterior(step).mean.local(truth)[:3].norm() < 0.006
+    result = run_steps(FILTER.update(belief, image, HOVER, DT, generator))
+    truth, step = ROBOT.step(HERE, HOVER, DT), result.step
+    assert result.posterior.mean.local(truth)[:3].norm() < 0.006
     assert step.believed is not None
     hidden = (step.pixels[:, 0] >= 3) & (step.pixels[:, 0] < 9) & (step.pixels[:, 1] >= 2) & (step.pixels[:, 1] < 8)
     assert hidden.sum() > 5 and step.believed[hidden].float().mean() < 0.2
@@ -207,9 +210,9 @@ def test_whatever_moves_a_belief_a_picture_corrects_it_the_same_way(name: str) -
     estimator = estimators.load(name).make(balls(), ROBOT, CAMERA, config=quick)
     assert isinstance(estimator, Corrector)
     begun, seen = Belief(HERE, SMALL.covariance()), picture(balls(), HERE)
-    *_, updated_ = estimator.update(begun, seen, HOVER, DT, draws(0))
+    updated_ = run_steps(estimator.update(begun, seen, HOVER, DT, draws(0)))
     moved = predict(begun, HOVER, ROBOT, DT, SMALL)
-    *_, corrected = estimator.correct(moved, seen, draws(0), SMALL)
+    corrected = run_steps(estimator.correct(moved, seen, draws(0), SMALL))
     assert updated_.posterior is not None and corrected.posterior is not None
     assert torch.equal(updated_.posterior.mean.position, corrected.posterior.mean.position)
     assert torch.equal(updated_.posterior.covariance, corrected.posterior.covariance)

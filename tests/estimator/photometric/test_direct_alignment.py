@@ -87,7 +87,8 @@ def test_a_lens_is_linear_about_each_pixel() -> None:
 def test_a_picture_is_fitted_from_several_pixels_away(camera: Camera) -> None:
     start = off((0.03, -0.03, 0.02), (0.03, -0.03, 0.04))
     begun = Guess.at(start.map(lambda tensor: tensor[None]))
-    here, seen = fit_pose(picture(camera, HERE.pose), view(camera), (begun, 6.0), known, (AlignConfig(), draws(1)))
+    image = picture(camera, HERE.pose)
+    here, seen = fit_pose(image, view(camera), begun, 6.0, known, AlignConfig(), draws(1))
     found = here.guess.pose[0]
     assert (found.position - HERE.pose.position).norm() < 0.004
     assert so3.local(found.rotation, HERE.pose.rotation).norm() < 0.006

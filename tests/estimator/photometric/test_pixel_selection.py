@@ -16,11 +16,11 @@ from nerfnav.estimator.photometric.pixel_selection import (
     draw_by_information,
     feature_mask,
 )
-from nerfnav.estimator.photometric.residuals import Observation
+from nerfnav.estimator.photometric.residuals import FieldCamera, Observation
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from tests.estimator.places import CAMERA, HERE, balls, draws, picture
 
-VIEW = (balls(), CAMERA, FORWARD_MOUNT)
+VIEW = FieldCamera(balls(), CAMERA, FORWARD_MOUNT)
 
 
 def slopes(pixels: Int[Tensor, "m 2"]) -> Float[Tensor, "m 3 6"]:
@@ -29,7 +29,6 @@ def slopes(pixels: Int[Tensor, "m 2"]) -> Float[Tensor, "m 3 6"]:
 
 def choose(image: Tensor, config: PixelConfig, seed: int = 0) -> PixelChoice:
     return choose_pixels(image, config, draws(seed), slopes)
-
 
 
 def checkers(height: int, width: int) -> torch.Tensor:

@@ -4,7 +4,14 @@ import math
 
 import torch
 
-from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, difference, inliers, photometric_cost
+from nerfnav.estimator.photometric.residuals import (
+    ColorNoise,
+    FieldCamera,
+    Observation,
+    difference,
+    inliers,
+    photometric_cost,
+)
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from tests.estimator.places import CAMERA, HERE, balls, picture
@@ -14,7 +21,7 @@ NOISE = ColorNoise(std=0.02, alike=4.0, outlier_deviations=3.0)
 
 
 def observation() -> Observation:
-    return Observation.of(picture(balls(), HERE), CAMERA.pixels(), (balls(), CAMERA, FORWARD_MOUNT))
+    return Observation.of(picture(balls(), HERE), CAMERA.pixels(), FieldCamera(balls(), CAMERA, FORWARD_MOUNT))
 
 
 def test_nothing_differs_at_the_pose_of_the_picture():
@@ -34,7 +41,7 @@ def test_the_compact_rendering_is_the_reference_rendering():
 
 def test_a_room_beyond_the_box_shows_as_in_the_reference_rendering():
     room = random_voxels_in_a_room()
-    seen = Observation.of(picture(room, HERE), CAMERA.pixels(), (room, CAMERA, FORWARD_MOUNT))
+    seen = Observation.of(picture(room, HERE), CAMERA.pixels(), FieldCamera(room, CAMERA, FORWARD_MOUNT))
     origins, directions = seen.rays(HERE)
     assert room.backdrop(origins, directions) is not None
     color = render_rays(room, origins, directions).color

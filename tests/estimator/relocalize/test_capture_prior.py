@@ -7,6 +7,7 @@ from functools import cache
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.capture_prior import (
     decode_views,
@@ -16,15 +17,15 @@ from nerfnav.estimator.relocalize.capture_prior import (
     transform_views,
 )
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome
+from nerfnav.estimator.relocalize.localizer import GlobalLocalizer
 from nerfnav.estimator.relocalize.panorama import PanoramaConfig
-from nerfnav.estimator.relocalize.searcher import GlobalLocalizer
 from nerfnav.field import FieldInfo, VoxelField
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import DENSITY_SCALE
 from nerfnav.geometry import FORWARD_MOUNT, Box, Pose, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.robots.state import RigidState
-from tests.estimator.places import CAMERA, COLOR_STD, draws, picture, voxel_balls
+from tests.estimator.places import CAMERA, COLOR_STD, collect, draws, picture, voxel_balls
 
 CONFIG = RelocaliseConfig(
     PanoramaConfig(spacing=0.12, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
@@ -75,19 +76,19 @@ def test_a_search_begins_where_cameras_stood_and_between_them_held_as_they_were(
 
 def test_a_camera_on_its_side_is_found_where_the_capture_was_taken_like_that() -> None:
     image = picture(voxel_balls(), TRUTH, draws(0))
-    *_, last = searcher(views=True).relocalise(image)
-    assert last.outcome is RelocaliseOutcome.FOUND and last.fraction == 1
-    assert (last.body_poses().position[0] - TRUTH.position).norm() < 0.02
-    *_, level = searcher(views=False).relocalise(image)
+    last = run_steps(searcher(views=True).relocalise(image))
+    assert last.outcome is RelocaliseOutcome.FOUND and last.step.fraction == 1
+    assert (last.step.body_poses().position[0] - TRUTH.position).norm() < 0.02
+    level = run_steps(searcher(views=False).relocalise(image))
     assert level.outcome is not RelocaliseOutcome.FOUND
 
 
 def test_a_picture_that_was_taken_otherwise_is_looked_for_everywhere() -> None:
     level = RigidState.at_rest((-0.35, 0.05, 0.28), 0.1)
-    *before, last = searcher(views=True).relocalise(picture(voxel_balls(), level, draws(0)))
+    steps, last = collect(searcher(views=True).relocalise(picture(voxel_balls(), level, draws(0))))
     assert last.outcome is RelocaliseOutcome.FOUND
-    assert (last.body_poses().position[0] - level.position).norm() < 0.02
-    assert all(step.outcome is None and step.fraction < 1 for step in before)
+    assert (last.step.body_poses().position[0] - level.position).norm() < 0.02
+    assert [step.fraction < 1 for step in steps] == [True] * (len(steps) - 1) + [False]
 
 
 def sized(scale: float) -> VoxelField:
@@ -103,7 +104,7 @@ def sized(scale: float) -> VoxelField:
 def test_a_place_of_any_size_is_searched_alike(scale: float) -> None:
     state = RigidState.at_rest((-0.35, 0.05, 0.28), 0.1)
     image = picture(voxel_balls(), state, draws(0))
-    *_, here = searcher(views=False).relocalise(image)
-    *_, there = GlobalLocalizer(sized(scale), CAMERA, NOISE, CONFIG).relocalise(image)
+    here = run_steps(searcher(views=False).relocalise(image))
+    there = run_steps(GlobalLocalizer(sized(scale), CAMERA, NOISE, CONFIG).relocalise(image))
     assert here.outcome is there.outcome is RelocaliseOutcome.FOUND
-    assert (there.body_poses().position[0] - scale * state.position).norm() < 0.02 * scale
+    assert (there.step.body_poses().position[0] - scale * state.position).norm() < 0.02 * scale

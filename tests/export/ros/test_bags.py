@@ -104,8 +104,8 @@ def test_attitudes_spread_about_the_axes_of_the_world() -> None:
 
 
 def test_a_plan_has_no_estimate(tmp_path: Path) -> None:
-    told = {"/about", "/path", "/odometry", "/tf"}
-    assert set(mcap_messages(plan())) == set(bag_messages(plan(), tmp_path)) == told
+    reported = {"/about", "/path", "/odometry", "/tf"}
+    assert set(mcap_messages(plan())) == set(bag_messages(plan(), tmp_path)) == reported
 
 
 def test_a_reader_of_ros_2_finds_the_transforms_from_map_to_base_link() -> None:
@@ -119,9 +119,9 @@ def test_a_reader_of_ros_2_finds_the_transforms_from_map_to_base_link() -> None:
 
 
 def test_a_reader_of_ros_2_finds_the_pictures_of_a_flight() -> None:
-    told = decoded(flight(), "/picture")
-    assert len(told) == sum(step.image is not None for step in flown()) > 0
-    picture, first = told[0], next(step.image for step in flown() if step.image is not None)
+    reported = decoded(flight(), "/picture")
+    assert len(reported) == sum(step.image is not None for step in flown()) > 0
+    picture, first = reported[0], next(step.image for step in flown() if step.image is not None)
     assert (picture.format, picture.header.frame_id) == ("jpeg", "base_link")
     read = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
     assert read is not None and read.shape == tuple(first.shape)
@@ -150,6 +150,6 @@ def test_path_and_about_are_latched_and_say_what_the_odometry_is(tmp_path: Path)
         assert durability == (1 if channel.topic in latched else 2)
     (about,) = decoded(flight(), "/about")
     (metadata,) = read.iter_metadata()
-    told = custom["rosbag2_bagfile_information"]["custom_data"]
-    assert json.loads(about.data) == metadata.metadata == told
-    assert told["outcome"] == "collided" and "the true state in the simulation, exact" in told["odometry"]
+    reported = custom["rosbag2_bagfile_information"]["custom_data"]
+    assert json.loads(about.data) == metadata.metadata == reported
+    assert reported["outcome"] == "collided" and "the true state in the simulation, exact" in reported["odometry"]

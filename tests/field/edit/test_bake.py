@@ -6,12 +6,15 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW
 from nerfnav.field.edit.bake import BakeConfig, bake, fitted, likeness, moments, moments_of, refined, sample_views
 from nerfnav.field.models.analytic import BallsField
-from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera
+from tests.collected_steps import collect
 
 BOX = Box.of((-0.5, -0.45, -0.4), (0.5, 0.45, 0.4))
 BALLS = BallsField(BOX, torch.tensor([[-0.15, 0.0, 0.0], [0.2, 0.1, 0.05]]), torch.tensor([0.2, 0.15]))
@@ -20,11 +23,10 @@ SMALL = BakeConfig(voxel=0.02, views=4, size=40)
 
 @pytest.fixture(scope="module")
 def baked() -> VoxelField:
-    *steps, last = bake(BALLS, SMALL)
-    assert all(step.field is None for step in steps) and last.field is not None
+    steps, field = collect(bake(BALLS, SMALL))
     fractions = [step.fraction for step in steps]
-    assert fractions == sorted(fractions) and last.fraction == 1
-    return last.field
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    return field
 
 
 def test_moments_are_the_adjoint_of_refining_and_keep_constants() -> None:
@@ -59,12 +61,11 @@ def test_a_baked_field_looks_like_its_original(baked: VoxelField) -> None:
 def test_rays_lose_as_much_light_in_it(baked: VoxelField) -> None:
     # soft light: a thin fog instead of solid balls
     fog = BallsField(BOX, BALLS.centers, BALLS.radii, softness=0.05, peak=4.0)
-    *_, last = bake(fog, SMALL)
-    assert last.field is not None
+    thin = run_steps(bake(fog, SMALL))
     side = torch.linspace(-0.3, 0.3, 13)
     origins = torch.stack([side, 0.4 * side, torch.full_like(side, 0.6)], -1)
     directions = torch.tensor([[0.0, 0, -1]]).expand(13, 3)
-    own, mine = render_rays(fog, origins, directions), render_rays(last.field, origins, directions)
+    own, mine = render_rays(fog, origins, directions), render_rays(thin, origins, directions)
     torch.testing.assert_close(mine.opacity, own.opacity, rtol=0, atol=0.02)
     solid = render_rays(baked, origins, directions).opacity
     torch.testing.assert_close(solid[5:8], torch.ones(3), rtol=0, atol=0.01)
@@ -79,11 +80,10 @@ def test_colours_that_depend_on_the_direction_become_their_mean_over_those_that_
             return torch.stack([share, torch.zeros_like(share), 1 - share], -1)
 
     ball = Shiny(BOX, torch.zeros(1, 3), torch.tensor([0.25]))
-    *_, last = bake(ball, BakeConfig(voxel=0.025, views=1, size=8))
-    assert last.field is not None
+    mean = run_steps(bake(ball, BakeConfig(voxel=0.025, views=1, size=8)))
     top, bottom = torch.tensor([[0.0, 0, 0.25]]), torch.tensor([[0.0, 0, -0.25]])
     down = torch.tensor([[0.0, 0, -1]])
-    assert last.field.radiance(top, down)[0, 0] > 0.65 > 0.35 > last.field.radiance(bottom, down)[0, 0]
+    assert mean.radiance(top, down)[0, 0] > 0.65 > 0.35 > mean.radiance(bottom, down)[0, 0]
 
 
 @pytest.mark.parametrize("voxel", [-0.1, 0.0, 1e-5, math.nan])

@@ -1,4 +1,4 @@
-"""Fields that are moved without training again: the same pictures, and no freedom that was not there."""
+"""Fields that are moved without training again: the same pictures, and no free space that was not there."""
 
 import math
 from dataclasses import replace
@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import State, raw_of
+from nerfnav.field.core.occupancy import Occupancy, raw_of
 from nerfnav.field.core.protocol import density_and_gradient
 from nerfnav.field.edit.move import move_field
 from nerfnav.field.models.analytic import BallsField
@@ -103,7 +104,7 @@ def test_turned_surroundings_are_seen_where_they_were() -> None:
 def test_what_the_new_box_holds_and_the_old_did_not_is_unproven() -> None:
     now = after(room(), change((0.0, 0.0, torch.pi / 4)))
     assert now.evidence is not None
-    assert (now.evidence[:3, :3] == State.UNPROVEN).all() and (now.evidence == State.FREE).any()
+    assert (now.evidence[:3, :3] == Occupancy.UNPROVEN).all() and (now.evidence == Occupancy.FREE).any()
 
 
 def test_the_map_of_planners_never_gains_a_free_voxel() -> None:
@@ -134,8 +135,7 @@ def test_fields_of_other_kinds_are_refused_with_what_to_do() -> None:
 
 def test_networks_are_moved_without_any_loss() -> None:
     field, similarity = random_field(), change((0.5, -0.3, 0.8), scale=1.7, shift=0.4)
-    *_, last = move_field(field, similarity)
-    now = last.field
+    now = run_steps(move_field(field, similarity))
     assert isinstance(now, NeuralField)
     points = field.box.lower + torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * field.box.size
     directions = torch.nn.functional.normalize(points + 0.1, dim=-1)

@@ -8,12 +8,11 @@ import pytest
 import torch
 
 from nerfnav.core.errors import FieldFileError, InvalidInputError
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy, UnknownSpace, planning_field
 from nerfnav.field.core.protocol import density_and_gradient
 from nerfnav.field.models.bricks import BrickField, convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.occupancy_grid import UnknownSpace, planning_field
-from nerfnav.field.storage import voxel_codec
+from nerfnav.field.storage import grid_codec
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from tests.field.fields import random_rays, random_voxels
 
@@ -24,8 +23,8 @@ def dense() -> VoxelField:
     field = random_voxels()
     field.values[:12, :, :, 0] = EMPTY_RAW
     states = torch.randint(0, 3, field.shape, generator=torch.Generator().manual_seed(1)).to(torch.uint8)
-    states[:10, :12] = int(State.FREE)
-    states[:10, 12:] = int(State.UNPROVEN)
+    states[:10, :12] = int(Occupancy.FREE)
+    states[:10, 12:] = int(Occupancy.UNPROVEN)
     return replace(field, evidence=states)
 
 
@@ -49,7 +48,7 @@ def test_bricks_tell_just_what_the_dense_field_tells(dense: VoxelField, planned:
 def test_a_block_is_left_out_only_where_nothing_is_in_it(dense: VoxelField):
     bricks = convert_to_bricks(dense)
     assert dense.evidence is not None
-    held = (dense.values[..., 0] > EMPTY_RAW) | (dense.evidence != State.FREE)
+    held = (dense.values[..., 0] > EMPTY_RAW) | (dense.evidence != Occupancy.FREE)
     for block in (bricks.slots == 0).nonzero().tolist():
         nodes = tuple(slice(4 * part, 4 * part + 5) for part in block)
         assert not held[nodes].any()
@@ -87,7 +86,7 @@ def test_a_dense_file_of_very_many_nodes_is_read_as_bricks(
 ):
     save_field(dense, tmp_path / "dense.npz")
     as_it_was = load_field(tmp_path / "dense.npz")
-    monkeypatch.setattr(voxel_codec, "MOST_DENSE_NODES", 1000)
+    monkeypatch.setattr(grid_codec, "MOST_DENSE_NODES", 1000)
     loaded = load_field(tmp_path / "dense.npz")
     assert isinstance(loaded, BrickField)
     points = torch.rand(2000, 3, generator=torch.Generator().manual_seed(0)) * 3 - 1.5

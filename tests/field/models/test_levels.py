@@ -2,9 +2,10 @@
 
 import torch
 
+from nerfnav.field.core.occupancy import DENSITY_SCALE
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.levels import build_levels, coarser, raw_of
-from nerfnav.field.models.voxel import DENSITY_SCALE, VoxelField
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, look_at

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import FieldFileError, InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.field.core.protocol import Field, density_and_gradient, uniform_samples
 from nerfnav.field.models.mlp import Encoding, MlpConfig
 from nerfnav.field.models.neural import NeuralField, blank_field
@@ -18,6 +19,7 @@ from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.field.train.neural import NeuralTrainConfig, drawn_from, train_neural
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Pose
+from tests.collected_steps import collect
 from tests.field.fields import BOX, photographs_of_ball, random_rays
 
 TINY = MlpConfig(depth=3, width=24, skips=(2,), position=Encoding(3), direction=Encoding(2), view_widths=(12,))
@@ -148,12 +150,12 @@ def test_a_tiny_network_learns_a_ball() -> None:
     )
     blank = blank_field(BOX, torch.ones(3), network, generator)
     held_out = photographs_of_ball(3, size=24, turn=0.3)
-    *steps, last = train_neural(photographs_of_ball(20, size=32), held_out, blank, config, generator)
+    (*steps, last), field = collect(train_neural(photographs_of_ball(20, size=32), held_out, blank, config, generator))
     assert len(steps) == 10 and steps[-1].psnr_db > steps[0].psnr_db + 6
-    assert last.field is not None and last.field.info.iterations == 220
-    assert last.psnr_db == last.field.info.psnr_db > 20
-    assert last.field.info.noise_std == pytest.approx(10 ** (-last.psnr_db / 20), rel=0.3)
-    assert last.field.density(torch.zeros(1, 3)) > 5 * last.field.density(torch.tensor([[0.8, 0.8, 0.4]]))
+    assert field.info.iterations == 220
+    assert last.psnr_db == field.info.psnr_db > 20
+    assert field.info.noise_std == pytest.approx(10 ** (-last.psnr_db / 20), rel=0.3)
+    assert field.density(torch.zeros(1, 3)) > 5 * field.density(torch.tensor([[0.8, 0.8, 0.4]]))
 
 
 def test_training_stops_when_it_is_told_to_and_keeps_what_it_learned() -> None:
@@ -162,8 +164,8 @@ def test_training_stops_when_it_is_told_to_and_keeps_what_it_learned() -> None:
     config = NeuralTrainConfig(TINY, iterations=1000, rays=8, coarse_samples=4, fine_samples=4, report_every=1)
     steps = train_neural(photographs_of_ball(2, size=8), photographs_of_ball(1, size=8), blank, config, generator)
     next(steps)
-    last = steps.send(True)
-    assert last.field is not None and last.field.info.iterations < 5
+    assert steps.send(True).last
+    assert run_steps(steps).info.iterations < 5
     with pytest.raises(InvalidInputError, match="no image"):
         nothing = photographs_of_ball(2, size=8).subset([])
         next(train_neural(nothing, nothing, blank, config, generator))

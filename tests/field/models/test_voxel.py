@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.field.core.occupancy import EMPTY_RAW
 from nerfnav.field.core.protocol import density_and_gradient, uniform_samples
-from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField, occupied_blocks
+from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.render.volume_rendering import render_rays
 from tests.field.fields import BOX, ball, random_rays, random_voxels
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.field.core.occupancy import State, classify_nodes
+from nerfnav.field.core.occupancy import Occupancy, UnknownSpace, classify_nodes, planning_field
 from nerfnav.field.proof.carving import CarvingConfig, carve_free_space, erode_isolated, estimate_noise
-from nerfnav.field.proof.occupancy_grid import UnknownSpace, planning_field
 from nerfnav.geometry.grid import node_positions
 from nerfnav.geometry.images import PosedImages
 from tests.field import rooms
@@ -86,7 +85,7 @@ def test_planners_meet_the_plain_wall_that_the_field_does_not_show(free: torch.T
     assert (field.density(wall) < 1).all()
     assert (planning_field(field, UnknownSpace.OCCUPIED).density(wall) > 5).all()
     assert (planning_field(field, UnknownSpace.FREE).density(wall) < 1).all()
-    assert field.evidence is not None and (field.evidence == State.SOLID).any()
+    assert field.evidence is not None and (field.evidence == Occupancy.SOLID).any()
 
 
 def test_rays_that_show_nothing_but_the_sky_prove_their_way():

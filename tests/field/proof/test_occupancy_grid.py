@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import State
+from nerfnav.field.core.occupancy import Occupancy
 from nerfnav.field.models.bricks import convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.proof.occupancy_grid import describe_unproven
@@ -14,7 +14,7 @@ from nerfnav.geometry.box import Box
 from tests.planner.places import ball
 
 
-def place(*layers: State) -> VoxelField:
+def place(*layers: Occupancy) -> VoxelField:
     """A place of three layers, each of which is known throughout to be in a state."""
     states = torch.tensor([int(state) for state in layers], dtype=torch.uint8).repeat_interleave(4)
     values = torch.zeros(8, 8, 12, 4)
@@ -26,18 +26,20 @@ def place(*layers: State) -> VoxelField:
 @pytest.mark.parametrize(
     ("layers", "expected"),
     [
-        ((State.UNPROVEN, State.FREE, State.FREE), "the floor"),
-        ((State.SOLID, State.UNPROVEN, State.FREE), "half its height"),
-        ((State.FREE, State.FREE, State.UNPROVEN), "high up"),
+        ((Occupancy.UNPROVEN, Occupancy.FREE, Occupancy.FREE), "the floor"),
+        ((Occupancy.SOLID, Occupancy.UNPROVEN, Occupancy.FREE), "half its height"),
+        ((Occupancy.FREE, Occupancy.FREE, Occupancy.UNPROVEN), "high up"),
     ],
 )
-def test_a_place_says_how_much_is_unproven_and_what_photographs_would_help(layers: tuple[State, ...], expected: str):
-    told = describe_unproven(place(*layers))
-    assert told.startswith("33% of this place is unproven") and expected in told and "or depth maps" in told
+def test_a_place_says_how_much_is_unproven_and_what_photographs_would_help(
+    layers: tuple[Occupancy, ...], expected: str
+) -> None:
+    text = describe_unproven(place(*layers))
+    assert text.startswith("33% of this place is unproven") and expected in text and "or depth maps" in text
 
 
 def test_bricks_say_what_the_dense_field_says():
-    field = place(State.FREE, State.SOLID, State.UNPROVEN)
+    field = place(Occupancy.FREE, Occupancy.SOLID, Occupancy.UNPROVEN)
     dense, bricks = field.unproven_by_height, convert_to_bricks(field).unproven_by_height
     assert dense is not None and bricks is not None
     assert torch.allclose(bricks, dense)
@@ -45,14 +47,14 @@ def test_bricks_say_what_the_dense_field_says():
 
 
 def test_a_place_that_depth_has_proven_asks_for_photographs_alone():
-    field = place(State.UNPROVEN, State.FREE, State.FREE)
+    field = place(Occupancy.UNPROVEN, Occupancy.FREE, Occupancy.FREE)
     assert "depth maps" not in describe_unproven(replace(field, info=FieldInfo(proven_from="depth")))
 
 
 def test_a_place_that_is_known_says_nothing():
-    assert describe_unproven(place(State.FREE, State.SOLID, State.FREE)) == ""
+    assert describe_unproven(place(Occupancy.FREE, Occupancy.SOLID, Occupancy.FREE)) == ""
 
 
 def test_a_place_without_proofs_says_so():
-    assert "Nothing proves" in describe_unproven(replace(place(*3 * [State.FREE]), evidence=None))
+    assert "Nothing proves" in describe_unproven(replace(place(*3 * [Occupancy.FREE]), evidence=None))
     assert "Nothing proves" in describe_unproven(ball())

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field.core.occupancy import classify_unseen
-from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
-from nerfnav.field.proof.occupancy_grid import Occupancy, UnknownSpace, compute_occupancy_grid, planning_field
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy, UnknownSpace, classify_unseen, planning_field
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.proof.occupancy_grid import compute_occupancy_grid
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions
 from tests.field.fields import ball
@@ -20,7 +20,7 @@ FREE, SOLID, UNPROVEN = Occupancy
 
 @pytest.fixture(scope="module")
 def room() -> VoxelField:
-    """2 x 1.6 x 1 m at 5 cm: a solid block, and beside it a block that nobody saw."""
+    """2 x 1.6 x 1 m at 5 cm: a solid block, and beside it a block that no camera saw."""
     box = Box.of((-1.0, -0.6, 0.2), (1.0, 1.0, 1.2))
     nodes = node_positions(box, (41, 33, 21))
     solid = ((nodes - torch.tensor([-0.5, 0.2, 0.7])).abs() < torch.tensor([0.21, 0.31, 0.16])).all(-1)

@@ -8,12 +8,19 @@ import pytest
 import torch
 
 from nerfnav.core.errors import FieldFileError
-from nerfnav.field.core.occupancy import EMPTY_RAW, State, classify_nodes, classify_unseen, planned_raw
+from nerfnav.field.core.occupancy import (
+    EMPTY_RAW,
+    Occupancy,
+    UnknownSpace,
+    classify_nodes,
+    classify_unseen,
+    planning_field,
+    planning_raw,
+)
 from nerfnav.field.core.protocol import density_and_gradient
 from nerfnav.field.models import grid_field
 from nerfnav.field.models.bricks import convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.occupancy_grid import UnknownSpace, planning_field
 from nerfnav.field.render.composite import CompositeField, PlacedField
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.geometry.camera import Pose
@@ -61,18 +68,17 @@ def test_fields_without_evidence_are_planned_in_as_they_are(hollow: VoxelField):
     assert planning_field(formula, UnknownSpace.OCCUPIED) is formula
 
 
-@pytest.mark.parametrize("unproven_is_free", [False, True])
+@pytest.mark.parametrize("unknown", UnknownSpace)
 def test_a_field_whose_states_are_looked_at_part_after_part_is_the_same(
-    hollow: VoxelField, unproven_is_free: bool, monkeypatch: pytest.MonkeyPatch
+    hollow: VoxelField, unknown: UnknownSpace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     states = torch.randint(0, 3, SHAPE, generator=torch.Generator().manual_seed(0)).to(torch.uint8)
     for field in (replace(hollow, evidence=states), convert_to_bricks(replace(hollow, evidence=states))):
         assert field.evidence is not None
-        wanted = planned_raw(field.values[..., 0], field.evidence, unproven_is_free)
+        wanted = planning_raw(field.values[..., 0], field.evidence, unknown)
         for nodes in (1, 3000, 1 << 30):  # one layer after the other, two at once, all of them
             monkeypatch.setattr(grid_field, "_AT_ONCE", nodes)
-            fresh = replace(field)
-            planned = fresh.planned_as_it_says if unproven_is_free else fresh.planned
+            planned = replace(field).planning_view(unknown)
             assert torch.equal(planned.values[..., 0], wanted)
             assert torch.equal(planned.values[..., 1:], field.values[..., 1:])
 
@@ -113,4 +119,4 @@ def test_evidence_of_another_shape_is_no_whole_file(hollow: VoxelField, tmp_path
 def test_what_was_seen_in_an_older_file_is_as_the_field_says():
     raw = torch.tensor([[[EMPTY_RAW, -9.0, 0.0]]])
     unseen = torch.tensor([[[False, False, True]]])
-    assert classify_unseen(unseen, raw).tolist() == [[[State.FREE, State.SOLID, State.UNPROVEN]]]
+    assert classify_unseen(unseen, raw).tolist() == [[[Occupancy.FREE, Occupancy.SOLID, Occupancy.UNPROVEN]]]

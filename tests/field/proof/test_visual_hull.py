@@ -51,15 +51,15 @@ def test_only_pictures_that_are_cut_out_have_a_hull() -> None:
 def test_learning_begins_in_the_hull_and_looks_where_silhouettes_are() -> None:
     views = cut_out()
     config = TrainConfig(voxel=0.01, iterations=10)
-    learner, stage, told, asked = first_learner(views, NEAR, ball().background, config, 1)
+    learner, stage, depth, mask = first_learner(views, NEAR, ball().background, config, 1)
     assert isinstance(learner, GridLearner)
-    assert (stage, told) == (0, None)
+    assert (stage, depth) == (0, None)
     raw = learner.inner.values[..., 0]
     assert raw.min() == EMPTY_RAW < raw[10, 10, 10]
-    assert asked is not None and views.silhouettes is not None
-    assert asked[views.silhouettes].all() and not asked.all()
-    batch = RaySampler(views, torch.Generator().manual_seed(0), asked).draw(200)
-    shown = {tuple(color) for color in (views.images[asked].double() / 255).round(decimals=4).tolist()}
+    assert mask is not None and views.silhouettes is not None
+    assert mask[views.silhouettes].all() and not mask.all()
+    batch = RaySampler(views, torch.Generator().manual_seed(0), mask).draw(200)
+    shown = {tuple(color) for color in (views.images[mask].double() / 255).round(decimals=4).tolist()}
     assert all(tuple(color) in shown for color in torch.from_numpy(batch.targets).double().round(decimals=4).tolist())
 
 

@@ -33,7 +33,7 @@ class Plain:
     """A field without its fast paths."""
 
     def __init__(self, field: VoxelField) -> None:
-        self.box, self.background = field.box, field.background
+        self.box, self.background, self.resolution = field.box, field.background, field.resolution
         self.density, self.radiance, self.samples = field.density, field.radiance, field.samples
 
 

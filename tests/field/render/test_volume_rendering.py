@@ -52,7 +52,7 @@ def test_a_ray_past_the_ball_sees_the_background():
 
 def test_light_falls_off_exponentially_in_uniform_fog():
     class Fog:
-        box, background = BOX, torch.zeros(3)
+        box, background, resolution = BOX, torch.zeros(3), 0.01
 
         def density(self, points):
             return torch.full(points.shape[:-1], 0.7)

@@ -11,7 +11,7 @@ import torch
 
 from nerfnav.core.errors import FieldFileError
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.models.voxel import EMPTY_RAW
+from nerfnav.field.core.occupancy import EMPTY_RAW
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from tests.field.fields import random_rays, random_voxels
 

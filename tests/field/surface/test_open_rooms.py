@@ -1,10 +1,10 @@
-"""A roofed place is shown without the faces that nobody saw."""
+"""A roofed place is shown without the faces that no camera saw."""
 
 import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.surface.mesh import field_mesh
 from nerfnav.field.surface.open_rooms import open_rooms
@@ -12,7 +12,7 @@ from nerfnav.geometry.box import Box
 
 _SPACING = 0.05
 _INNER, _OUTER = 0.5, 0.8
-"""Half the inner and the outer edge of a room's walls [m]; beyond them nobody has been."""
+"""Half the inner and the outer edge of a room's walls [m]; beyond them no camera has been."""
 
 
 def room(roof: bool) -> VoxelField:
@@ -25,8 +25,8 @@ def room(roof: bool) -> VoxelField:
         inside |= (torch.maximum(x.abs(), y.abs()) < _INNER) & (z > 0)
     table = (x.abs() < 0.2) & (y.abs() < 0.2) & ((z + 0.2).abs() < 0.08)
     solid = (farthest < _OUTER) & ~inside | table
-    states = torch.full(solid.shape, int(State.UNPROVEN), dtype=torch.uint8)
-    states[inside & ~table], states[solid] = int(State.FREE), int(State.SOLID)
+    states = torch.full(solid.shape, int(Occupancy.UNPROVEN), dtype=torch.uint8)
+    states[inside & ~table], states[solid] = int(Occupancy.FREE), int(Occupancy.SOLID)
     values = torch.full((*solid.shape, 4), 0.5)
     values[..., 0] = torch.where(solid, 0.5, EMPTY_RAW)
     return VoxelField(Box.of((-1, -1, -1), (1, 1, 1)), values, torch.ones(3), evidence=states)

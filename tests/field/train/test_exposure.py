@@ -75,10 +75,10 @@ def test_rays_of_quarters_come_photograph_by_photograph_with_the_colours_as_take
         views.images[k, :4, 4:] = 50 * (k + 1)  # the second quarter
     sampler = RaySampler(views, torch.Generator().manual_seed(0))
     sampler.correct(torch.full((3, 3), 3.0))
-    told = 255 * torch.from_numpy(sampler.draw_quarters(5).targets).reshape(3, QUARTERS, 5, 3)
+    drawn = 255 * torch.from_numpy(sampler.draw_quarters(5).targets).reshape(3, QUARTERS, 5, 3)
     wanted = torch.zeros(3, QUARTERS, 5, 3)
     wanted[:, 1] = torch.tensor([50.0, 100.0, 150.0])[:, None, None]
-    torch.testing.assert_close(told, wanted)
+    torch.testing.assert_close(drawn, wanted)
 
 
 def test_a_learner_that_knows_the_place_finds_the_gains_of_its_photographs_on_any_device() -> None:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.field.core.occupancy import EMPTY_RAW
 from nerfnav.field.core.protocol import uniform_samples
 from nerfnav.field.kernels.learn import parts_above
-from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField, occupied_blocks
+from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.field.train.grid_learner import GridLearner, LearningRates

@@ -6,33 +6,35 @@ import pytest
 import torch
 
 from nerfnav.core.jit import default_threads
+from nerfnav.core.steps import run_steps
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.train.config import TrainConfig
-from nerfnav.field.train.loop import TrainStep, train
+from nerfnav.field.train.loop import train
+from nerfnav.field.train.progress import TrainStep
 from nerfnav.field.train.rays import RaySampler
 from nerfnav.field.train.trained_grid import views_of
 from nerfnav.geometry.grid import node_positions
+from tests.collected_steps import collect
 from tests.field.fields import BOX, ball, photographs_of_ball
 
 CONFIG = TrainConfig(voxel=0.05, iterations=300, rays=1024, report_every=50)
 
 
-def run(config: TrainConfig = CONFIG, seed: int = 0) -> list[TrainStep]:
+def run(config: TrainConfig = CONFIG, seed: int = 0) -> tuple[list[TrainStep], VoxelField]:
     generator = torch.Generator().manual_seed(seed)
     photographs, held_out = photographs_of_ball(24), photographs_of_ball(4, turn=0.7)
-    return list(train(photographs, held_out, BOX, ball().background, config, generator))
+    return collect(train(photographs, held_out, BOX, ball().background, config, generator))
 
 
 @pytest.fixture(scope="module")
-def trained() -> list[TrainStep]:
+def trained() -> tuple[list[TrainStep], VoxelField]:
     """A training with the first seed."""
     return run()
 
 
 @pytest.mark.slow
-def test_a_ball_is_learned_from_its_pictures(trained: list[TrainStep]):
-    steps = trained
-    field = steps[-1].field
-    assert field is not None
+def test_a_ball_is_learned_from_its_pictures(trained: tuple[list[TrainStep], VoxelField]):
+    steps, field = trained
     assert steps[-1].psnr_db > 25
     assert field.info.psnr_db == steps[-1].psnr_db
     assert field.info.noise_std is not None and 0 < field.info.noise_std < 0.06
@@ -43,19 +45,18 @@ def test_a_ball_is_learned_from_its_pictures(trained: list[TrainStep]):
 
 
 @pytest.mark.slow
-def test_progress_counts_up_to_the_end(trained: list[TrainStep]):
-    steps = trained
+def test_progress_counts_up_to_the_end(trained: tuple[list[TrainStep], VoxelField]):
+    steps, _ = trained
     fractions = [step.fraction for step in steps]
     assert fractions == sorted(fractions) and fractions[-1] == 1
-    assert [step.field is None for step in steps] == [True] * (len(steps) - 1) + [False]
+    assert [step.last for step in steps] == [False] * (len(steps) - 1) + [True]
     assert all(step.rays_per_s > 0 for step in steps)
 
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_field_bit_for_bit():
     brief = replace(CONFIG, iterations=80, rays=512)
-    first, second, other = (run(brief, seed)[-1].field for seed in (0, 0, 1))
-    assert first is not None and second is not None and other is not None
+    first, second, other = (run(brief, seed)[1] for seed in (0, 0, 1))
     assert torch.equal(first.values, second.values), f"with {default_threads()} threads"
     assert not torch.equal(first.values, other.values)
 
@@ -63,21 +64,20 @@ def test_the_same_seed_gives_the_same_field_bit_for_bit():
 def test_asking_to_stop_gives_the_field_so_far():
     generator = torch.Generator().manual_seed(0)
     steps = train(photographs_of_ball(8), photographs_of_ball(1).subset([]), BOX, ball().background, CONFIG, generator)
-    assert next(steps).field is None
-    last = steps.send(True)
-    assert last.field is not None
-    assert last.field.info.iterations == 50
-    assert last.field.info.psnr_db is None  # nothing was held out
+    assert not next(steps).last
+    assert steps.send(True).last
+    field = run_steps(steps)
+    assert field.info.iterations == 50
+    assert field.info.psnr_db is None  # nothing was held out
 
 
 @pytest.mark.slow
 def test_fields_of_what_is_learned_so_far_can_be_planned_in_and_change_nothing():
     brief = replace(CONFIG, iterations=60, rays=256, report_every=20)
-    plain, told = run(brief)[-1].field, run(replace(brief, field_every=1e-3))
-    on_the_way = [step.so_far for step in told[:-1] if step.so_far is not None]
-    assert len(on_the_way) >= 20 and told[-1].so_far is None
-    last = told[-1].field
-    assert plain is not None and last is not None and torch.equal(last.values, plain.values)
+    (_, plain), (steps, last) = run(brief), run(replace(brief, field_every=1e-3))
+    on_the_way = [step.so_far for step in steps[:-1] if step.so_far is not None]
+    assert len(on_the_way) >= 20 and steps[-1].so_far is None
+    assert torch.equal(last.values, plain.values)
     assert on_the_way[0].shape < on_the_way[-1].shape == last.shape
     for field in on_the_way[::10]:
         assert field.evidence is not None and field.info.psnr_db is not None and field.info.noise_std is not None
@@ -87,8 +87,8 @@ def test_fields_of_what_is_learned_so_far_can_be_planned_in_and_change_nothing()
 @pytest.mark.slow
 def test_from_the_given_share_on_only_colours_are_learned():
     config = replace(CONFIG, iterations=40, rays=256, firm_from=0.3, field_every=1e-3)
-    steps = [step for step in run(config) if step.fraction > 0.8]
-    fields = [field for step in steps if (field := step.so_far or step.field) is not None]
+    steps, last = run(config)
+    fields = [*(step.so_far for step in steps if step.fraction > 0.8 and step.so_far is not None), last]
     assert len(fields) > 5
     assert all(torch.equal(field.values[..., 0], fields[0].values[..., 0]) for field in fields)
     assert not torch.equal(fields[0].values[..., 1:], fields[-1].values[..., 1:])
@@ -96,10 +96,9 @@ def test_from_the_given_share_on_only_colours_are_learned():
 
 @pytest.mark.slow
 def test_a_budget_ends_training_in_time():
-    last = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))[-1]
-    assert last.field is not None
-    assert last.fraction == 1
-    assert 0.8 <= last.field.info.train_s < 7.0, "finishing has its share of the budget"
+    steps, field = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))
+    assert steps[-1].fraction == 1
+    assert 0.8 <= field.info.train_s < 7.0, "finishing has its share of the budget"
 
 
 def test_nodes_that_more_cameras_see_learn_faster():

@@ -4,7 +4,7 @@ import torch
 
 from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.rays import PointSampler, points_of
-from nerfnav.field.train.training_volume import Finish, Place
+from nerfnav.field.train.training_volume import Finish, TrainingVolume
 from nerfnav.geometry import Box, Camera, PosedImages, Sightings, look_at
 
 BOX = Box.of((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
@@ -59,7 +59,7 @@ def test_there_is_nothing_to_draw_without_points_in_the_box_or_beside_depth_maps
 
 def test_fog_clears_before_points_and_thickens_at_them() -> None:
     taken = photographs(wall(3000))
-    place = Place(BOX, torch.zeros(3), 0.5)
+    place = TrainingVolume(BOX, torch.zeros(3), 0.5)
     learner = GridLearner.start(place, (21, 21, 21), taken, workers=1)
     before = learner.so_far(Finish()).density(torch.tensor([[0.3, 0.0, 0.0], [-0.4, 0.0, 0.0]]))
     sampler = PointSampler(taken, BOX, torch.Generator().manual_seed(0))

@@ -56,12 +56,13 @@ def test_what_memory_cannot_hold_is_refused_with_both_numbers(monkeypatch: pytes
 
 _PEAK = """
 import resource, torch
-from nerfnav.field.train.grid_learner import GridLearner, LearningRates, Place
+from nerfnav.field.train.grid_learner import GridLearner, LearningRates
 from nerfnav.field.train.rays import RaySampler
+from nerfnav.field.train.training_volume import TrainingVolume
 from tests.field.fields import BOX, photographs_of_ball
 photographs = photographs_of_ball(2, size=8)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-learner = GridLearner.start(Place(BOX, torch.ones(3), 1.0), (97, 97, 97), photographs, 2)
+learner = GridLearner.start(TrainingVolume(BOX, torch.ones(3), 1.0), (97, 97, 97), photographs, 2)
 learner.step(RaySampler(photographs, torch.Generator().manual_seed(0)).draw(4096), LearningRates(0.1, 0.1, 0.0))
 print(1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before))
 """

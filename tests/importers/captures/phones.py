@@ -106,8 +106,8 @@ def write_run(folder: Path, data: tuple[str, ...], transform: np.ndarray | None 
     parts = "!!python/object/apply:pathlib.PosixPath [" + ", ".join(f"'{part}'" for part in data) + "]"
     (folder / "config.yml").write_text(CONFIG.replace("{data}", parts))
     if transform is not None:
-        told = {"transform": transform[:3].tolist(), "scale": 0.37}
-        (folder / "dataparser_transforms.json").write_text(json.dumps(told))
+        reported = {"transform": transform[:3].tolist(), "scale": 0.37}
+        (folder / "dataparser_transforms.json").write_text(json.dumps(reported))
     (folder / "nerfstudio_models").mkdir()
     (folder / "nerfstudio_models" / "step-000029999.ckpt").write_bytes(b"\x80\x02")
     return folder

@@ -97,7 +97,7 @@ def test_an_archive_without_a_capture_says_what_was_looked_for(tmp_path: Path) -
     assert not (tmp_path / "out" / "program.exe").exists()
 
 
-def test_whatever_breaks_in_a_file_is_told_as_a_broken_capture(tmp_path: Path) -> None:
+def test_whatever_breaks_in_a_file_is_reported_as_a_broken_capture(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     write_colmap(tmp_path / "in", binary=True)
     with zipfile.ZipFile(tmp_path / "c.zip", "w", zipfile.ZIP_DEFLATED) as content:
@@ -116,7 +116,7 @@ def test_whatever_breaks_in_a_file_is_told_as_a_broken_capture(tmp_path: Path) -
     assert refused > 75
 
 
-def test_whatever_breaks_in_a_binary_model_is_told_as_a_broken_capture(tmp_path: Path) -> None:
+def test_whatever_breaks_in_a_binary_model_is_reported_as_a_broken_capture(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     folder = write_colmap(tmp_path, binary=True)
     for name in ("cameras.bin", "images.bin"):

@@ -47,7 +47,7 @@ def test_names_may_have_spaces(tmp_path: Path, binary: bool) -> None:
 
 
 @pytest.mark.parametrize("binary", [False, True])
-def test_a_model_that_nobody_knows_is_refused_with_those_that_are_known(tmp_path: Path, binary: bool) -> None:
+def test_an_unknown_model_is_refused_with_those_that_are_known(tmp_path: Path, binary: bool) -> None:
     prism = (10, "THIN_PRISM_FISHEYE", (40.0, 41.0, 24.0, 18.0, *8 * (0.0,)))
     with pytest.raises(CaptureError, match="camera model THIN_PRISM_FISHEYE; known are: SIMPLE_PINHOLE, PINHOLE"):
         read_views(write_colmap(tmp_path, binary, prism))

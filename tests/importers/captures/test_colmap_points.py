@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.importers import ImportConfig, ImportedCapture, import_capture
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.views import CaptureError
@@ -25,9 +26,7 @@ _POINTS: list[Point] = [
 
 
 def imported(folder: Path, placement: Placement | None = None) -> ImportedCapture:
-    capture = [*import_capture(folder, ImportConfig(placement or Placement()))][-1].capture
-    assert capture is not None
-    return capture
+    return run_steps(import_capture(folder, ImportConfig(placement or Placement())))
 
 
 @pytest.mark.parametrize("binary", [False, True])
@@ -60,8 +59,8 @@ def test_points_lie_where_their_cameras_do_whatever_the_world_and_only_in_pictur
     np.testing.assert_allclose(sightings.points, placed, atol=1e-5)
     kept = [0, 1, 2, 3, 5, 6, 7]  # the one in the middle is held out
     expected = [(image, point) for point, seen in enumerate([[0, 1, 2], [1, 4, 7]]) for image in seen if image in kept]
-    told = [(kept[image], point) for image, point in zip(sightings.image, sightings.point, strict=True)]
-    assert [(int(image), int(point)) for image, point in told] == expected
+    reported = [(kept[image], point) for image, point in zip(sightings.image, sightings.point, strict=True)]
+    assert [(int(image), int(point)) for image, point in reported] == expected
     # each is three times as far from the cameras that see it as it was in the capture
     away = (found.learned.poses.position[sightings.image] - sightings.points[sightings.point]).norm(dim=-1)
     eyes = ring().position[torch.tensor([image for image, _ in expected])]

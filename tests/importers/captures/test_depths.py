@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
 from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
@@ -39,9 +40,7 @@ def write_depths(folder: Path, size: tuple[int, int] = (24, 18), unit: float = 0
 
 
 def imported(source: Path, config: ImportConfig | None = None) -> ImportedCapture:
-    *_, last = import_capture(source, config or ImportConfig())
-    assert last.capture is not None
-    return last.capture
+    return run_steps(import_capture(source, config or ImportConfig()))
 
 
 def test_depths_lie_along_rays_and_put_points_where_they_are(tmp_path: Path) -> None:
@@ -73,7 +72,7 @@ def test_a_frame_without_depth_has_none(tmp_path: Path) -> None:
     assert found.report.images_with_depth == 7
 
 
-def test_depth_is_left_unread_where_nobody_wants_it(tmp_path: Path) -> None:
+def test_depth_is_left_unread_where_it_is_not_wanted(tmp_path: Path) -> None:
     assert imported(write_depths(tmp_path), ImportConfig(depth=False)).learned.depth is None
 
 
@@ -118,7 +117,7 @@ def _nothing(folder: Path) -> None:
         (_tall, "depth/3.png of 18 x 24 pixels has another shape than its picture"),
         (_other_size, "differ in size"),
         (_nan, "depth/3.npy has depths that are NaN"),
-        (_other_unit, "another unit, which depth_unit_scale_factor must tell"),
+        (_other_unit, "another unit: set depth_unit_scale_factor"),
         (_no_unit, "depth_unit_scale_factor of 0: it must be above 0"),
         (_coloured, "depth/3.png is no readable depth map"),
         (_cut_off, "depth/3.png is no readable depth map"),

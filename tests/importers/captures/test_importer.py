@@ -1,4 +1,4 @@
-"""Whole captures: read, placed in the world, parted, and told about."""
+"""Whole captures: read, placed in the world, parted, and reported about."""
 
 import json
 import math
@@ -12,12 +12,13 @@ import torch
 from PIL import Image
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.importers.captures import importer
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
 from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.placement import MeasuredDistance, Placement, Vector
 from tests.importers.captures.synthetic import (
     CAMERA,
     changed,
@@ -32,9 +33,12 @@ from tests.importers.captures.synthetic import (
 
 
 def imported(source: Path, config: ImportConfig | None = None) -> ImportedCapture:
-    *_, last = import_capture(source, config or ImportConfig())
-    assert last.fraction == 1 and last.capture is not None
-    return last.capture
+    return run_steps(import_capture(source, config or ImportConfig()))
+
+
+def test_steps_end_at_all_of_the_import(tmp_path: Path) -> None:
+    *_, last = import_capture(write_transforms(tmp_path), ImportConfig())
+    assert last.fraction == 1
 
 
 def test_every_format_gives_the_same_photographs_and_poses(tmp_path: Path) -> None:
@@ -56,7 +60,7 @@ def test_every_format_gives_the_same_photographs_and_poses(tmp_path: Path) -> No
         torch.testing.assert_close(found.background, mean)
 
 
-def test_what_was_found_and_guessed_is_told(tmp_path: Path) -> None:
+def test_what_was_found_and_guessed_is_reported(tmp_path: Path) -> None:
     report = imported(write_transforms(tmp_path)).report
     assert (report.kind, report.images_named, report.images_used, report.images_skipped) == ("transforms.json", 8, 8, 0)
     assert (report.image_size, report.downscale, report.images_held_out) == ((48, 36), 1, 1)
@@ -76,7 +80,7 @@ def test_what_was_said_is_not_guessed(tmp_path: Path) -> None:
 def test_metres_come_from_a_scale_or_from_two_picked_points(tmp_path: Path) -> None:
     write_transforms(tmp_path)
     plain = imported(tmp_path)
-    for placement in (Placement(scale=0.25), Placement(picked=((0, 0, 0), (0, 3, 4), 1.25))):
+    for placement in (Placement(scale=0.25), Placement(picked=MeasuredDistance((0, 0, 0), (0, 3, 4), 1.25))):
         scaled = imported(tmp_path, ImportConfig(placement))
         assert scaled.report.scale == 0.25
         torch.testing.assert_close(scaled.learned.poses.position, 0.25 * plain.learned.poses.position)
@@ -114,7 +118,7 @@ def test_captures_in_the_coordinates_of_a_map_are_moved_to_where_numbers_are_exa
     assert float(imported(tmp_path, ImportConfig(boxed)).box.center.norm()) < 3
 
 
-def test_large_photographs_are_made_smaller_and_that_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_photographs_are_made_smaller_which_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importer, "LONGEST", 20)
     report = imported(write_transforms(tmp_path)).report
     assert (report.downscale, report.image_size) == (3, (16, 12))
@@ -170,9 +174,9 @@ def test_most_photographs_missing_is_an_error_that_names_one(tmp_path: Path, bro
         imported(folder)
 
 
-@pytest.mark.parametrize(("count", "told"), [(1, "1 photograph tells"), (3, "3 photographs tells")])
-def test_a_capture_of_one_or_few_images_is_refused(tmp_path: Path, count: int, told: str) -> None:
-    with pytest.raises(CaptureError, match=f"a capture of {told} nothing about depth"):
+@pytest.mark.parametrize(("count", "size"), [(1, "1 photograph"), (3, "3 photographs")])
+def test_a_capture_of_one_or_few_images_is_refused(tmp_path: Path, count: int, size: str) -> None:
+    with pytest.raises(CaptureError, match=f"a capture of {size} is too small"):
         imported(write_transforms(tmp_path, ring(8)[:count]))
 
 
@@ -199,7 +203,7 @@ def test_a_picture_of_a_wrong_shape_is_named(tmp_path: Path) -> None:
         imported(folder)
 
 
-def test_a_folder_without_a_capture_is_told_what_was_looked_for(tmp_path: Path) -> None:
+def test_a_folder_without_a_capture_is_refused_with_what_was_looked_for(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match=r"no transforms\.json .* no transforms_train\.json .* sparse/0"):
         imported(tmp_path)
 
@@ -209,8 +213,8 @@ def test_a_capture_through_a_fisheye_is_straightened_and_its_lens_remembered(tmp
     lens = (0.02, -0.004, 0.001, 0.0)
     if kind == "transforms":
         fisheye = Camera(100, 80, 31.0, 31.5, 51.0, 39.0, lens, fisheye=True)
-        told = dict(zip(("k1", "k2", "k3", "k4"), lens, strict=True))
-        folder = write_transforms(tmp_path, camera=fisheye, camera_model="OPENCV_FISHEYE", **told)
+        reported = dict(zip(("k1", "k2", "k3", "k4"), lens, strict=True))
+        folder = write_transforms(tmp_path, camera=fisheye, camera_model="OPENCV_FISHEYE", **reported)
     else:  # which writes the size of the camera that all its tests have
         fisheye = replace(CAMERA, fx=16.0, fy=16.5, distortion=lens, fisheye=True)
         numbers = (16.0, 16.5, CAMERA.cx, CAMERA.cy, *lens)
@@ -236,9 +240,7 @@ def test_lenses_of_two_phones_come_to_one_camera(tmp_path: Path) -> None:
     ("placement", "message"),
     [
         ({"scale": 0.0}, "scale must be a number above 0"),
-        ({"scale": 1.0, "picked": ((0, 0, 0), (1, 0, 0), 1.0)}, "either a scale or two picked points"),
-        ({"picked": ((0, 0, 0), (0, 0, 0), 1.0)}, "are the same"),
-        ({"picked": ((0, 0, 0), (1, 0, 0), -1.0)}, "distance must be a number above 0"),
+        ({"scale": 1.0, "picked": MeasuredDistance((0, 0, 0), (1, 0, 0), 1.0)}, "either a scale or two picked points"),
         ({"up": (0, 0, 0)}, "up must be a direction"),
         ({"box": ((0, 0, 0), (1, 0, 1))}, "lowest corner"),
     ],
@@ -246,6 +248,15 @@ def test_lenses_of_two_phones_come_to_one_camera(tmp_path: Path) -> None:
 def test_placements_that_no_place_can_have_are_refused(placement: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         Placement(**placement)
+
+
+@pytest.mark.parametrize(
+    ("second", "meters", "message"),
+    [((0, 0, 0), 1.0, "are the same"), ((1, 0, 0), -1.0, "distance must be a number above 0")],
+)
+def test_measured_distances_without_a_scale_are_refused(second: Vector, meters: float, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        MeasuredDistance((0, 0, 0), second, meters)
 
 
 @pytest.mark.skipif("NERFNAV_TEST_DATA" not in os.environ, reason="photographs of others are not part of the project")

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import MissingExtraError
+from nerfnav.core.steps import run_steps
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
 from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
@@ -80,9 +81,7 @@ UPRIGHT = ImportConfig(Placement(up=(0.0, 1.0, 0.0)))
 
 
 def imported(folder: Path, config: ImportConfig = UPRIGHT) -> ImportedCapture:
-    *_, last = import_capture(folder, config)
-    assert last.capture is not None
-    return last.capture
+    return run_steps(import_capture(folder, config))
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -113,7 +112,7 @@ def test_an_export_without_confidence_is_trusted_as_far_as_the_sensor_reaches(tm
     assert (taken.depth[:, torch.from_numpy(LEVELS == 2)] > 0).float().mean() > 0.5
 
 
-def test_depth_that_nobody_wants_needs_no_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwanted_depth_needs_no_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record3d(tmp_path)
     monkeypatch.setitem(sys.modules, "lzfse", None)
     assert imported(tmp_path, ImportConfig(UPRIGHT.placement, depth=False)).learned.depth is None
@@ -137,7 +136,7 @@ def _nan(folder: Path) -> None:
 
 def _no_size(folder: Path) -> None:
     path = folder / "metadata"
-    path.write_text(json.dumps({key: told for key, told in json.loads(path.read_text()).items() if key != "dw"}))
+    path.write_text(json.dumps({key: value for key, value in json.loads(path.read_text()).items() if key != "dw"}))
 
 
 def _cut_off(folder: Path) -> None:
@@ -146,7 +145,7 @@ def _cut_off(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("write", "damage", "told"),
+    ("write", "damage", "reported"),
     [
         (scanner, lambda at: write_map(at / "depth_00000.png", np.ones((24, 18))), "one channel of 18 x 24 is needed"),
         (polycam, _tall, "has another shape than its picture"),
@@ -161,10 +160,10 @@ def _cut_off(folder: Path) -> None:
     ],
 )
 def test_depth_that_cannot_be_used_is_one_sentence(
-    write: Callable[[Path], None], damage: Callable[[Path], None], told: str, tmp_path: Path
+    write: Callable[[Path], None], damage: Callable[[Path], None], reported: str, tmp_path: Path
 ) -> None:
     write(tmp_path)
     damage(tmp_path)
-    with pytest.raises(CaptureError, match=told) as caught:
+    with pytest.raises(CaptureError, match=reported) as caught:
         imported(tmp_path)
     assert "\n" not in str(caught.value)

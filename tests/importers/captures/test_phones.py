@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nerfnav.core.steps import run_steps
 from nerfnav.importers.captures.archive import unpack_capture
 from nerfnav.importers.captures.config import ImportConfig
 from nerfnav.importers.captures.formats import is_capture, read_views
@@ -54,10 +55,9 @@ def test_exports_are_imported_upright(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "scan"
     folder.mkdir()
     EXPORTS[name][0](folder)
-    *_, last = import_capture(folder, ImportConfig())
-    assert last.capture is not None
-    assert last.capture.report.up == (0, 1, 0) and last.capture.report.images_used == 8
-    poses = np.concatenate([last.capture.learned.poses.position.numpy(), last.capture.held_out.poses.position.numpy()])
+    capture = run_steps(import_capture(folder, ImportConfig()))
+    assert capture.report.up == (0, 1, 0) and capture.report.images_used == 8
+    poses = np.concatenate([capture.learned.poses.position.numpy(), capture.held_out.poses.position.numpy()])
     heights = np.sort(matrices(ring())[:, 2, 3])
     np.testing.assert_allclose(np.sort(poses[:, 2]), heights, atol=1e-5)
 
@@ -68,7 +68,7 @@ def test_a_recording_of_one_file_is_unpacked_and_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("write", "told"),
+    ("write", "reported"),
     [
         (partial(write_polycam, fx="wide"), "is not a camera of Polycam"),
         (partial(write_polycam, t_00=float("nan")), "not finite"),
@@ -80,11 +80,11 @@ def test_a_recording_of_one_file_is_unpacked_and_read(tmp_path: Path) -> None:
         (partial(write_record3d, K=[1, 2]), "no intrinsics of nine numbers"),
     ],
 )
-def test_exports_that_are_damaged_are_one_sentence(write: Callable[[Path], Path], told: str, tmp_path: Path) -> None:
+def test_damaged_exports_are_one_sentence(write: Callable[[Path], Path], reported: str, tmp_path: Path) -> None:
     folder = tmp_path / "scan"
     folder.mkdir()
     write(folder)
-    with pytest.raises(CaptureError, match=told) as caught:
+    with pytest.raises(CaptureError, match=reported) as caught:
         read_views(folder)
     assert "\n" not in str(caught.value)
 

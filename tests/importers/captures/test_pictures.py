@@ -14,8 +14,8 @@ from nerfnav.importers.captures.pictures import (
     common_camera,
     over_white,
     read_pixels,
-    resampled,
-    shrunk,
+    resample_picture,
+    shrink_picture,
     undistortion,
 )
 from nerfnav.importers.captures.views import CaptureError, Lens
@@ -30,7 +30,7 @@ POSE = matrices(ring())[1]
 def test_a_distorted_picture_becomes_what_a_pinhole_sees_to_a_tenth_of_a_pixel(distortion: tuple[float, ...]) -> None:
     shot = Picture(picture(CAMERA, POSE, distortion), CAMERA, distortion)
     camera = common_camera([shot])
-    error = resampled(shot, camera).astype(float) - picture(camera, POSE)
+    error = resample_picture(shot, camera).astype(float) - picture(camera, POSE)
     # a shift of a whole pixel changes colours by 2.5 x 120 / 40 = 7.5 levels; interpolation rounds by about 1
     assert np.abs(error).max() < 4 and np.abs(error).mean() < 0.75
 
@@ -45,7 +45,7 @@ def test_a_fisheyes_picture_becomes_what_a_pinhole_of_120_degrees_sees() -> None
     assert not camera.fisheye and not camera.distortion
     widest = 2 * math.degrees(math.atan(camera.width / camera.fx / 2))
     assert 118 < widest <= 120
-    error = resampled(shot, camera).astype(float) - picture(camera, POSE)
+    error = resample_picture(shot, camera).astype(float) - picture(camera, POSE)
     assert np.abs(error).max() < 6 and np.abs(error).mean() < 1
 
 
@@ -68,7 +68,7 @@ def test_pictures_of_one_pinhole_keep_every_pixel() -> None:
     shot = Picture(picture(CAMERA, POSE), CAMERA, ())
     camera = common_camera([shot, shot])
     assert camera == CAMERA
-    assert resampled(shot, camera) is shot.pixels
+    assert resample_picture(shot, camera) is shot.pixels
 
 
 def test_pictures_of_different_lenses_come_to_one_camera_that_all_of_them_fill() -> None:
@@ -76,7 +76,7 @@ def test_pictures_of_different_lenses_come_to_one_camera_that_all_of_them_fill()
     shots = [Picture(picture(camera, POSE), camera, ()) for camera in others]
     camera = common_camera(shots)
     for shot in shots:
-        error = resampled(shot, camera).astype(float) - picture(camera, POSE)
+        error = resample_picture(shot, camera).astype(float) - picture(camera, POSE)
         # half a pixel of the border has no neighbour to interpolate with
         assert np.abs(error[1:-1, 1:-1]).mean() < 1.0
 
@@ -94,19 +94,19 @@ def test_a_distortion_that_folds_the_picture_is_refused() -> None:
 
 def test_smaller_pictures_are_means_and_keep_their_view() -> None:
     lens = Lens.measured((48, 36), (40.0, 41.0), (23.0, 18.5))
-    small = shrunk(picture(CAMERA, POSE), lens, 4)
+    small = shrink_picture(picture(CAMERA, POSE), lens, 4)
     assert (small.camera.width, small.camera.height, small.camera.fx, small.camera.cy) == (12, 9, 10.0, 18.5 / 4)
     assert np.abs(small.pixels.astype(float) - picture(small.camera, POSE)).mean() < 2
 
 
 def test_pictures_that_were_stored_smaller_than_measured_fit_their_lens() -> None:
     lens = Lens.measured((96, 72), (80.0, 82.0), (46.0, 37.0))
-    assert shrunk(picture(CAMERA, POSE), lens, 1).camera == CAMERA
+    assert shrink_picture(picture(CAMERA, POSE), lens, 1).camera == CAMERA
 
 
 def test_a_picture_of_another_shape_than_its_lens_is_refused() -> None:
     with pytest.raises(CaptureError, match="was it cropped or turned"):
-        shrunk(np.zeros((48, 36, 3), np.uint8), Lens.measured((48, 36), (40.0, 40.0), (24.0, 18.0)), 1)
+        shrink_picture(np.zeros((48, 36, 3), np.uint8), Lens.measured((48, 36), (40.0, 40.0), (24.0, 18.0)), 1)
 
 
 def test_what_is_clear_is_white() -> None:

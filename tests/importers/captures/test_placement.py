@@ -1,4 +1,4 @@
-"""Which way is up and which box a field gets, told by cameras alone."""
+"""Up direction and box of a field, from cameras alone."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import PosedImages
-from nerfnav.importers.captures.placement import box_of_cameras, box_of_silhouettes, estimated_up, focus_of
+from nerfnav.importers.captures.placement import box_of_cameras, box_of_silhouettes, estimate_up, focus_of
 from nerfnav.importers.core.placement import rotation_to_z
 from tests.field.fields import ball
 from tests.importers.captures.synthetic import matrices, ring
@@ -36,25 +36,25 @@ def test_level_cameras_tell_up_exactly_from_any_axes() -> None:
     for seed in range(5):
         up = np.random.default_rng(seed).normal(size=3)
         up /= np.linalg.norm(up)
-        found, sure = estimated_up(tilted(matrices(ring(height=1.5)), up))
+        found, sure = estimate_up(tilted(matrices(ring(height=1.5)), up))
         np.testing.assert_allclose(found, up, atol=1e-5)
         assert sure
 
 
 def test_hands_that_shake_by_five_degrees_tell_up_to_two() -> None:
-    found, sure = estimated_up(tilted(matrices(held(ring(30), 5)), np.array([0.48, 0.6, 0.64])))
+    found, sure = estimate_up(tilted(matrices(held(ring(30), 5)), np.array([0.48, 0.6, 0.64])))
     assert math.degrees(math.acos(found @ [0.48, 0.6, 0.64])) < 2
     assert sure
 
 
 def test_cameras_that_are_nearly_level_with_an_axis_are_level() -> None:
-    found, _ = estimated_up(tilted(matrices(ring()), np.array([0.01, 1.0, 0.0])))
+    found, _ = estimate_up(tilted(matrices(ring()), np.array([0.01, 1.0, 0.0])))
     assert found.tolist() == [0, 1, 0]
 
 
 def test_cameras_that_look_the_same_way_tell_up_by_their_tops() -> None:
     eyes = torch.tensor([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 0.3]])
-    found, sure = estimated_up(matrices(look_at(eyes, eyes + torch.tensor([0.0, 2.0, 0.0]))))
+    found, sure = estimate_up(matrices(look_at(eyes, eyes + torch.tensor([0.0, 2.0, 0.0]))))
     np.testing.assert_allclose(found, [0, 0, 1], atol=1e-6)
     assert sure
 
@@ -62,7 +62,7 @@ def test_cameras_that_look_the_same_way_tell_up_by_their_tops() -> None:
 def test_cameras_that_look_straight_down_tell_up_but_not_for_sure() -> None:
     yaw = torch.linspace(0, 6, 12)
     down = so3.from_yaw(yaw) @ torch.eye(3)
-    found, sure = estimated_up(matrices(Pose(down, torch.randn(12, 3))))
+    found, sure = estimate_up(matrices(Pose(down, torch.randn(12, 3))))
     np.testing.assert_allclose(found, [0, 0, 1], atol=1e-6)
     assert not sure
 

@@ -31,8 +31,8 @@ def test_the_file_itself_is_a_capture_as_its_folder_is(tmp_path: Path) -> None:
 def test_intrinsics_of_a_frame_hold_for_it_alone(tmp_path: Path) -> None:
     folder = changed(write_transforms(tmp_path), lambda said: said["frames"][2].update(fl_x=50.0, k1=0.1))
     lenses = [view.lens for view in read_views(folder).views]
-    assert lenses[2].focal[0] == pytest.approx(50 / CAMERA.width) and lenses[2].distortion[0] == 0.1
-    assert lenses[1].focal[0] == pytest.approx(CAMERA.fx / CAMERA.width) and not lenses[1].distortion
+    assert lenses[2].focal_u == pytest.approx(50 / CAMERA.width) and lenses[2].distortion[0] == 0.1
+    assert lenses[1].focal_u == pytest.approx(CAMERA.fx / CAMERA.width) and not lenses[1].distortion
 
 
 def test_names_are_found_without_their_ending(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import torch
 
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import PosedImages
-from nerfnav.importers.captures.placement import guessed_box
+from nerfnav.importers.captures.placement import guess_box
 from nerfnav.importers.captures.triangulation import triangulate_points
 
 ROOM = np.array([[-2.0, -1.5, 0.0], [2.0, 1.5, 2.5]])
@@ -63,7 +63,7 @@ def test_points_that_pictures_agree_on_lie_on_the_walls(room: tuple[PosedImages,
 
 
 def test_the_box_of_cameras_that_pan_about_a_room_is_the_room(room: tuple[PosedImages, np.ndarray]):
-    box, why = guessed_box(*room)
+    box, why = guess_box(*room)
     assert "the pictures agree on" in why
     assert np.abs(box.lower.numpy() - ROOM[0]).max() < 0.4 and np.abs(box.upper.numpy() - ROOM[1]).max() < 0.4
 
@@ -71,4 +71,4 @@ def test_the_box_of_cameras_that_pan_about_a_room_is_the_room(room: tuple[PosedI
 def test_pictures_of_plain_walls_agree_on_nothing_and_the_cameras_give_the_box():
     photographs, poses = panned(12, plain=True)
     assert len(triangulate_points(photographs)) == 0
-    assert guessed_box(photographs, poses)[1] == "the cameras and what they look at"
+    assert guess_box(photographs, poses)[1] == "the cameras and what they look at"

@@ -70,7 +70,7 @@ def test_a_short_video_gives_all_its_frames_and_one_that_is_too_short_is_refused
         list(pick_frames(video, tmp_path / "few", VideoConfig(frames=100, least_frames=20)))
 
 
-def test_what_is_no_video_is_told(tmp_path: Path) -> None:
+def test_what_is_no_video_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a.mp4").write_bytes(b"<!doctype html><html></html>")
     with pytest.raises(CaptureError, match="cannot be read as a video: it is a web page"):
         list(pick_frames(tmp_path / "a.mp4", tmp_path / "images"))
@@ -97,7 +97,7 @@ def test_without_anything_that_finds_poses_one_sentence_says_what_to_install(
     video = write_video(tmp_path / "walk.avi", shaky(20, 2))
     with pytest.raises(CaptureError, match=r"a video has no poses, .*install COLMAP .*pip install pycolmap"):
         list(make_capture_of_video(video, tmp_path / "capture"))
-    assert not (tmp_path / "capture").exists(), "it is told before long work"
+    assert not (tmp_path / "capture").exists(), "it is reported before long work"
 
 
 MAPPER = """#!/bin/sh

@@ -14,7 +14,7 @@ from nerfnav.importers.captures.pictures import read_pixels
 from nerfnav.importers.captures.views import Lens
 from nerfnav.importers.core.stored_picture import read_picture
 from nerfnav.live.messages import Picture
-from nerfnav.live.pictures import pixels_of
+from nerfnav.live.navigator import pixels_of
 from nerfnav.tracking.sources.registry import SourceOptions, open_source
 from nerfnav_app.jobs.track.camera import GivenCamera, read_image
 
@@ -79,7 +79,7 @@ def test_what_is_known_of_a_camera_tells_the_proportions_of_its_pictures() -> No
 
 
 @pytest.mark.parametrize(("mode", "colored"), [("RGB", True), ("RGBA", True), ("L", False), ("P", True)])
-def test_grey_pictures_are_told_from_coloured_ones(mode: str, colored: bool) -> None:
+def test_grey_pictures_are_distinguished_from_coloured_ones(mode: str, colored: bool) -> None:
     assert read_picture(turned(1, mode)).colored is colored
 
 

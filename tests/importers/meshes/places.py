@@ -12,10 +12,11 @@ from trimesh.exchange.obj import export_obj
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
+from nerfnav.core.steps import run_steps
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
-from nerfnav.importers.meshes.importer import Imported, import_mesh
+from nerfnav.importers.meshes.importer import ImportedMesh, import_mesh
 from nerfnav.world.raycast import MeshRenderer
 
 UP_Z = SceneConfig(Placement(up=(0, 0, 1), scale=1.0), MeshOptions(seen_from="outside"))
@@ -62,10 +63,8 @@ def write(scene: trimesh.Scene | trimesh.Trimesh, path: Path) -> Path:
     return path
 
 
-def imported(path: Path, config: SceneConfig | None = None) -> Imported:
-    *_, last = import_mesh(path, config)
-    assert last.imported is not None
-    return last.imported
+def imported(path: Path, config: SceneConfig | None = None) -> ImportedMesh:
+    return run_steps(import_mesh(path, config))
 
 
 def seen_from_above(path: Path, config: SceneConfig = UP_Z) -> torch.Tensor:

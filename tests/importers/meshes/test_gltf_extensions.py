@@ -56,11 +56,11 @@ def shown(path: Path) -> dict[tuple[int, int], tuple[int, int]]:
     return {place: nearest(color) for place, color in corners(seen_from_above(path)).items()}
 
 
-def transform(**told: Any) -> Callable[[dict[str, Any]], None]:
+def transform(**reported: Any) -> Callable[[dict[str, Any]], None]:
     def change(header: dict[str, Any]) -> None:
         header["extensionsRequired"] = header["extensionsUsed"] = ["KHR_texture_transform"]
         info = header["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
-        info["extensions"] = {"KHR_texture_transform": told}
+        info["extensions"] = {"KHR_texture_transform": reported}
 
     return change
 
@@ -126,9 +126,9 @@ def compressed(path: Path) -> Path:
         rows = np.frombuffer(data, kind).reshape(-1, size // 4)
         mode = "TRIANGLES" if kind is np.uint32 else "ATTRIBUTES"
         stored = meshopt.encode_gltf_buffer(rows.reshape(-1) if kind is np.uint32 else rows, mode)
-        told = {"buffer": 0, "byteOffset": len(packed), "byteLength": len(stored), "byteStride": size}
-        told |= {"mode": mode, "count": len(rows)}
-        view |= {"buffer": 1, "byteOffset": places, "extensions": {"EXT_meshopt_compression": told}}
+        reported = {"buffer": 0, "byteOffset": len(packed), "byteLength": len(stored), "byteStride": size}
+        reported |= {"mode": mode, "count": len(rows)}
+        view |= {"buffer": 1, "byteOffset": places, "extensions": {"EXT_meshopt_compression": reported}}
         packed += stored + bytes(-len(stored) % 4)
         places += view["byteLength"]
     fallback = {"byteLength": places, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}
@@ -151,8 +151,9 @@ def test_meshopt_that_is_damaged_or_not_installed_is_one_sentence(tmp_path: Path
     path = compressed(tmp_path / "packed.glb")
     whole = path.read_bytes()
     header, binary = glb_parts(path, whole)
-    told = next(view["extensions"]["EXT_meshopt_compression"] for view in header["bufferViews"] if "extensions" in view)
-    at = whole.index(binary) + told["byteOffset"]
+    entries = (view["extensions"] for view in header["bufferViews"] if "extensions" in view)
+    packing = next(entries)["EXT_meshopt_compression"]
+    at = whole.index(binary) + packing["byteOffset"]
     path.write_bytes(whole[:at] + bytes(8) + whole[at + 8 :])
     with pytest.raises(MeshFileError, match="damaged"):
         imported(path)
@@ -162,7 +163,7 @@ def test_meshopt_that_is_damaged_or_not_installed_is_one_sentence(tmp_path: Path
         imported(path)
 
 
-def test_ktx2_textures_give_way_to_ordinary_ones_or_are_told(tmp_path: Path):
+def test_ktx2_textures_give_way_to_ordinary_ones_or_are_reported(tmp_path: Path):
     def beside(header: dict[str, Any]) -> None:
         header["extensionsUsed"] = ["KHR_texture_basisu"]
         header["images"].append({"uri": data_uri(b"\xabKTX 20\xbb\r\n\x1a\n"), "mimeType": "image/ktx2"})
@@ -179,7 +180,7 @@ def test_ktx2_textures_give_way_to_ordinary_ones_or_are_told(tmp_path: Path):
     assert "\n" not in str(caught.value)
 
 
-def told_of(path: Path) -> tuple[list[str], np.ndarray]:
+def reported_of(path: Path) -> tuple[list[str], np.ndarray]:
     """The guesses of an imported mesh, and which image each face has."""
     found = imported(path)
     guesses = found.report["guesses"]
@@ -196,7 +197,7 @@ def test_a_missing_texture_makes_what_it_covers_grey_and_says_so(tmp_path: Path,
         path.write_text(json.dumps(header))
     else:
         next(iter(sorted(tmp_path.glob("*.png")))).unlink()
-    guesses, image = told_of(path)
+    guesses, image = reported_of(path)
     assert sum("is missing, so what it covers is grey" in guess for guess in guesses) == 1
     assert set(image.tolist()) == {-1, 0}
 
@@ -207,4 +208,4 @@ def test_a_picture_of_the_bytes_that_stand_for_none_is_grey(tmp_path: Path):
     path = floor_of_quarters(tmp_path / "grey.gltf", lambda header: header["images"].__setitem__(
         0, {"uri": data_uri(file.getvalue()), "mimeType": "image/png"}
     ))  # fmt: skip
-    assert set(told_of(path)[1].tolist()) == {-1}
+    assert set(reported_of(path)[1].tolist()) == {-1}

@@ -58,7 +58,7 @@ def test_when_the_field_cannot_be_saved_the_old_ground_truth_stays(tmp_path: Pat
     assert set(tmp_path.iterdir()) == before
 
 
-def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path):
+def test_a_folder_that_cannot_be_written_to_is_reported(tmp_path: Path):
     with (
         pytest.raises(FieldFileError, match="the ground truth cannot be written"),
         write_truth_beside(_scene(tmp_path), tmp_path / "missing" / "house.npz"),

@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 from nerfnav.importers.core.errors import MeshFileError
-from nerfnav.importers.meshes.folders import mesh_file, mesh_in, meshes_in_archive, only_one
+from nerfnav.importers.meshes.files import find_mesh, list_archived_meshes, resolve_mesh, select_mesh
 from tests.importers.meshes.places import color_at, imported, quad, seen_from_above, write_collada
 
 _RED = (200, 30, 10)
@@ -25,7 +25,7 @@ def model(folder: Path, textures: str = "materials/textures") -> Path:
 @pytest.mark.parametrize("textures", ["materials/textures", "textures"])
 def test_textures_are_found_beside_the_meshes_of_a_model(tmp_path: Path, textures: str):
     mesh = model(tmp_path / "floor", textures)
-    assert mesh_file(tmp_path / "floor") == mesh
+    assert resolve_mesh(tmp_path / "floor") == mesh
     assert all(abs(a - b) <= 1 for a, b in zip(color_at(seen_from_above(mesh), 0.3, 0.3), _RED, strict=True))
 
 
@@ -52,17 +52,17 @@ def test_a_texture_that_the_model_lacks_makes_it_grey_and_says_so(tmp_path: Path
 def test_a_folder_of_several_meshes_is_several_places(tmp_path: Path):
     model(tmp_path)
     write_collada([(quad(-1, 1), _RED)], tmp_path / "meshes" / "other.dae")
-    assert mesh_in(tmp_path) is None
+    assert find_mesh(tmp_path) is None
     with pytest.raises(MeshFileError, match="no mesh or several"):
-        mesh_file(tmp_path)
+        resolve_mesh(tmp_path)
 
 
 def test_shapes_for_collisions_alone_do_not_count_beside_a_mesh_with_colours(tmp_path: Path):
     mesh = model(tmp_path)
     quad(-1, 1).export(tmp_path / "meshes" / "collision.stl")
-    assert mesh_in(tmp_path) == mesh
+    assert find_mesh(tmp_path) == mesh
     with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
         for file in sorted((tmp_path / "meshes").iterdir()):
             archive.write(file, f"model/meshes/{file.name}")
-    names = [PurePosixPath(name) for name in meshes_in_archive(tmp_path / "model.zip")]
-    assert len(names) == 2 and only_one(names) == PurePosixPath("model/meshes/floor.dae")
+    names = [PurePosixPath(name) for name in list_archived_meshes(tmp_path / "model.zip")]
+    assert len(names) == 2 and select_mesh(names) == PurePosixPath("model/meshes/floor.dae")

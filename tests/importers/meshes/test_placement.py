@@ -1,4 +1,4 @@
-"""Which way is up and how long a unit is: told, declared and guessed."""
+"""Which way is up and how long a unit is: reported, declared and guessed."""
 
 from pathlib import Path
 
@@ -8,9 +8,9 @@ import trimesh
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.core.errors import MeshFileError
-from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
-from nerfnav.importers.meshes.importer import Imported
+from nerfnav.importers.meshes.importer import ImportedMesh
 from tests.importers.meshes.places import imported, quad, write, write_collada
 
 
@@ -26,13 +26,13 @@ def _hall(scale: float = 1.0, up: str = "z") -> trimesh.Scene:
     return scene
 
 
-def _size(found: Imported) -> list[float]:
+def _size(found: ImportedMesh) -> list[float]:
     size = found.report["size_m"]
     assert isinstance(size, list)
     return size
 
 
-def _guesses(found: Imported) -> str:
+def _guesses(found: ImportedMesh) -> str:
     guesses = found.report["guesses"]
     assert isinstance(guesses, list)
     return "; ".join(guesses)
@@ -85,7 +85,7 @@ def test_collada_says_itself_what_is_up_and_how_long_its_unit_is(tmp_path: Path)
 
 def test_two_picked_points_give_the_scale_too(tmp_path: Path):
     path = write(quad(-1, 1), tmp_path / "floor.ply")
-    picked = Placement(picked=((-1, 0, 0), (1, 0, 0), 5.0))
+    picked = Placement(picked=MeasuredDistance((-1, 0, 0), (1, 0, 0), 5.0))
     assert max(_size(imported(path, SceneConfig(picked)))) == pytest.approx(5.0)
 
 
@@ -96,7 +96,7 @@ def test_any_direction_can_be_up(tmp_path: Path):
     assert _size(imported(write(rod, tmp_path / "rod.ply"), config))[2] == pytest.approx(2.0, rel=1e-3)
 
 
-def test_a_mesh_far_from_its_origin_is_brought_there_and_told(tmp_path: Path):
+def test_a_mesh_far_from_its_origin_is_brought_there_and_reported(tmp_path: Path):
     hall = _hall().to_mesh().apply_translation([500_000, 4_000_000, 100])
     path = tmp_path / "utm.obj"
     path.write_text(hall.export(file_type="obj", digits=3))

@@ -1,4 +1,4 @@
-"""What is no mesh that can be worked with, each told in one sentence."""
+"""What is no mesh that can be worked with, each reported in one sentence."""
 
 import json
 import struct

@@ -29,7 +29,7 @@ def encoded(points: Tensor, count: int, include: bool = True) -> Tensor:
 
 
 class Flexible(nn.Module):
-    """The network of krrish94 that most of its checkpoints hold, told by its own forward pass."""
+    """The network of krrish94 that most of its checkpoints hold, reported by its own forward pass."""
 
     def __init__(self, width: int, depth: int, skip: int, directions: bool) -> None:
         super().__init__()
@@ -234,7 +234,7 @@ def _not_finite(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "reported"),
     [
         (lambda path: None, "there is no checkpoint"),
         (lambda path: path.write_bytes(b""), "is empty"),
@@ -247,11 +247,11 @@ def _not_finite(path: Path) -> None:
         (_not_finite, "not finite"),
     ],
 )
-def test_what_is_no_checkpoint_is_told_in_one_sentence(
-    make: Callable[[Path], object], told: str, tmp_path: Path
+def test_what_is_no_checkpoint_is_reported_in_one_sentence(
+    make: Callable[[Path], object], reported: str, tmp_path: Path
 ) -> None:
     make(tmp_path / "a.ckpt")
-    with pytest.raises(InvalidInputError, match=told):
+    with pytest.raises(InvalidInputError, match=reported):
         load_nerf_pytorch(tmp_path / "a.ckpt")
 
 

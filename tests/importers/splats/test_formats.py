@@ -1,4 +1,4 @@
-"""Splats in files: what was written is what is read, and what is no file of splats is told in one sentence."""
+"""Splats in files: what was written is what is read, and what is no file of splats is reported in one sentence."""
 
 import gzip
 import os
@@ -13,7 +13,7 @@ import pytest
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.splats.formats import holds_splats, load_splats
-from nerfnav.importers.splats.gaussians import in_half_precision, save_splats, splats_path
+from nerfnav.importers.splats.gaussians import fit_half_precision, save_splats, splats_path
 from tests.importers.splat_files import (
     Gaussians,
     bundle_sog,
@@ -85,7 +85,7 @@ def test_placing_turns_covariances_with_centres(tmp_path: Path) -> None:
     write_inria(tmp_path / "a.ply", some_splats(20))
     splats = load_splats(tmp_path / "a.ply")
     turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    placed = splats.placed(turn, 2.0)
+    placed = splats.to_world(turn, 2.0)
     np.testing.assert_allclose(placed.centers[:, 2], 2 * splats.centers[:, 1])
     np.testing.assert_allclose(placed.covariances[:, 2, 2], 4 * splats.covariances[:, 1, 1], rtol=1e-5)
     np.testing.assert_allclose(placed.covariances[:, 0, 1], 4 * splats.covariances[:, 2, 0], rtol=1e-5, atol=1e-9)
@@ -143,7 +143,7 @@ def _strange_chunks(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "make", "told"),
+    ("name", "make", "reported"),
     [
         ("a.splat", _zero, "is empty"),
         ("a.ply", _zero, "is empty"),
@@ -175,10 +175,10 @@ def _strange_chunks(path: Path) -> None:
     ],
 )
 def test_files_that_are_no_whole_splats_are_refused(
-    name: str, make: Callable[[Path], None], told: str, tmp_path: Path
+    name: str, make: Callable[[Path], None], reported: str, tmp_path: Path
 ) -> None:
     make(tmp_path / name)
-    with pytest.raises(InvalidInputError, match=told):
+    with pytest.raises(InvalidInputError, match=reported):
         load_splats(tmp_path / name)
 
 
@@ -243,7 +243,7 @@ def test_covariances_have_no_negative_eigenvalues_even_after_storing(tmp_path: P
     flat.scales[:] = (0.3, 0.2, 1e-6)
     write_inria(tmp_path / "a.ply", flat)
     read = load_splats(tmp_path / "a.ply")
-    turned = read.placed(np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0], 7.0)
+    turned = read.to_world(np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0], 7.0)
     stored = load_splats(save_splats(turned, tmp_path / "a.splats.npz"))
     for splats in (read, turned, stored):
         assert np.linalg.eigvalsh(splats.covariances.astype(np.float64)).min() > 0
@@ -261,7 +261,7 @@ def test_browsers_get_covariances_that_half_precision_can_hold(size: float, tmp_
     write_inria(tmp_path / "a.ply", flat)
     read = load_splats(tmp_path / "a.ply")
     assert len(read) == 300
-    sent = in_half_precision(read.covariances).astype(np.float16).astype(np.float64)
+    sent = fit_half_precision(read.covariances).astype(np.float16).astype(np.float64)
     assert np.isfinite(sent).all() and np.linalg.eigvalsh(sent).min() >= 0
     if size == 1.0:
         assert np.abs(sent - read.covariances).max() < 0.003

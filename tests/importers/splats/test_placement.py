@@ -1,4 +1,4 @@
-"""Up, scale and box of splats: guessed as those of meshes are, always told, and absurd ones with what to do."""
+"""Up, scale and box of splats: guessed as those of meshes are, always reported, and absurd ones with what to do."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from nerfnav.importers.core.placement import Placement, warn_implausible_size
 from nerfnav.importers.splats.formats import load_splats
 from nerfnav.importers.splats.gaussians import Splats, robust_extent
-from nerfnav.importers.splats.placement import guessed_up, place_splats
+from nerfnav.importers.splats.placement import guess_up, place_splats
 from nerfnav.importers.splats.voxels import voxelize
 from tests.importers.splat_files import Gaussians, write_inria
 
@@ -42,7 +42,7 @@ TURNS = {
 @pytest.mark.parametrize("up", TURNS)
 def test_a_flat_place_is_stood_up_whether_its_file_has_y_down_or_z_up(up: str, tmp_path: Path) -> None:
     splats = splats_of(room() @ TURNS[up].T, tmp_path)
-    direction, why = guessed_up(splats)
+    direction, why = guess_up(splats)
     np.testing.assert_allclose(TURNS[up] @ [0, 0, 1], direction)
     assert ("flat and heavy below" in why) == (up == "z")
 
@@ -50,17 +50,17 @@ def test_a_flat_place_is_stood_up_whether_its_file_has_y_down_or_z_up(up: str, t
 def test_a_thing_that_stands_on_the_origin_is_stood_upon_it(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     chair = rng.uniform((-0.3, 0, -0.3), (0.3, 1.1, 0.3), (4000, 3))
-    assert guessed_up(splats_of(chair, tmp_path))[0] == (0, 1, 0)
-    assert guessed_up(splats_of(chair * (1, -1, 1), tmp_path))[0] == (0, -1, 0)
-    assert guessed_up(splats_of(chair, tmp_path), (0.0, 1.0, 0.0)) == (
+    assert guess_up(splats_of(chair, tmp_path))[0] == (0, 1, 0)
+    assert guess_up(splats_of(chair * (1, -1, 1), tmp_path))[0] == (0, -1, 0)
+    assert guess_up(splats_of(chair, tmp_path), (0.0, 1.0, 0.0)) == (
         (0, 1, 0), "(the habit of its format, and so it stands on the origin)"
     )  # fmt: skip
 
 
-def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
+def test_what_is_reported_is_not_guessed(tmp_path: Path) -> None:
     splats = splats_of(room(), tmp_path)
-    told = place_splats(splats, Placement(up=(1.0, 0.0, 0.0), scale=0.5), tmp_path / "a.ply")
-    assert (told.up, told.scale, told.guesses) == ((1, 0, 0), 0.5, ())
+    reported = place_splats(splats, Placement(up=(1.0, 0.0, 0.0), scale=0.5), tmp_path / "a.ply")
+    assert (reported.up, reported.scale, reported.guesses) == ((1, 0, 0), 0.5, ())
     guessed = place_splats(splats, Placement(), tmp_path / "a.ply")
     assert guessed.scale == 1 and len(guessed.guesses) == 2
     assert "up is z" in guessed.guesses[0] and "nothing says how long a unit is" in guessed.guesses[1]

@@ -94,13 +94,13 @@ def test_strays_far_away_do_not_stretch_the_box(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("config", "told"),
+    ("config", "reported"),
     [
         (VoxelizeConfig(voxel=1e-5, box=BOX), "choose larger"),
         (VoxelizeConfig(voxel=-1.0, box=BOX), "choose larger"),
         (VoxelizeConfig(box=replace(BOX, upper=BOX.lower)), "is empty"),
     ],
 )
-def test_impossible_grids_are_refused(config: VoxelizeConfig, told: str) -> None:
-    with pytest.raises(InvalidInputError, match=told):
+def test_impossible_grids_are_refused(config: VoxelizeConfig, reported: str) -> None:
+    with pytest.raises(InvalidInputError, match=reported):
         voxelize(one((0.1, 0.1, 0.1), 0.5), config)

@@ -9,6 +9,7 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.planner.baselines.minsnap import arrival_times, minimum_snap, plan_minimum_snap, turning_points
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.objective.safety import SafetyConfig, measure_clearance
@@ -82,7 +83,7 @@ def test_arrival_times_rise_and_span_the_horizon() -> None:
 
 def test_a_plan_meets_its_ends_and_obeys_the_dynamics() -> None:
     problem = across(ball(0.15), height=0.5)  # with room below and above
-    (step,) = plan_minimum_snap(problem)
+    step = plan_minimum_snap(problem)
     assert step.outcome is PlanOutcome.CONVERGED
     state = problem.start
     for t, action in enumerate(step.motion.actions):
@@ -92,13 +93,13 @@ def test_a_plan_meets_its_ends_and_obeys_the_dynamics() -> None:
 
 
 def test_a_way_through_a_door_is_followed() -> None:
-    (step,) = plan_minimum_snap(across(Wall(door=0.6)))
+    step = plan_minimum_snap(across(Wall(door=0.6)))
     position = step.motion.states.position
     assert position[position[:, 0].abs().argmin(), 1] > 0.2
 
 
 def test_a_wall_without_a_door_has_no_path() -> None:
-    (step,) = plan_minimum_snap(across(Wall(door=0.0)))
+    step = plan_minimum_snap(across(Wall(door=0.0)))
     assert step.outcome is PlanOutcome.NO_PATH
     assert torch.isfinite(step.motion.states.position).all()
 
@@ -106,7 +107,7 @@ def test_a_wall_without_a_door_has_no_path() -> None:
 def test_resting_where_the_goal_is_gives_a_motion_that_hovers() -> None:
     problem = across(ball())
     here = RigidState.at_rest((-0.7, 0.0, 0.4))
-    (step,) = plan_minimum_snap(type(problem)(problem.field, ROBOT, here, here))
+    step = plan_minimum_snap(type(problem)(problem.field, ROBOT, here, here))
     assert (step.motion.states.position - here.position).norm(dim=-1).max() < 1e-3
 
 
@@ -118,7 +119,7 @@ def couch_through(wall: Wall) -> PlanProblem:
 
 def test_an_elongated_ground_robot_turns_to_pass_a_door_that_it_fits_only_lengthwise() -> None:
     problem = couch_through(Wall(door=0.36, thickness=0.1))  # 0.3 m of couch and the map's margins do not fit across
-    (step,) = plan_minimum_snap(problem)
+    step = plan_minimum_snap(problem)
     assert step.outcome is PlanOutcome.CONVERGED
     states = step.motion.states
     in_door = states.position[:, 0].abs().argmin()
@@ -131,12 +132,12 @@ def test_an_elongated_ground_robot_turns_to_pass_a_door_that_it_fits_only_length
 @pytest.mark.slow
 def test_a_curve_whose_heading_swings_into_the_frame_of_a_narrow_door_is_in_collision() -> None:
     problem = couch_through(Wall(door=0.24))
-    (step,) = plan_minimum_snap(problem)
+    step = plan_minimum_snap(problem)
     states = step.motion.states
     in_door = states.position[:, 0].abs() < 0.1
     assert (states.rotation[in_door, 0, 0].abs() > 0.8).all(), "it turns, as the path does, but swings on: 0.45 rad"
     assert measure_clearance(problem.field, step.motion, problem.robot.body, SafetyConfig()) == 0
     assert step.outcome is PlanOutcome.IN_COLLISION
-    *_, optimised = plan_fast(problem)
+    optimised = run_steps(plan_fast(problem))
     clearance = measure_clearance(problem.field, optimised.motion, problem.robot.body, SafetyConfig())
     assert clearance is not None and clearance > 0.02, "there is a way, which minimum snap does not keep to"

@@ -12,11 +12,10 @@ from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.planner.objective.default_ends import Pair, path_between, propose_ends
-from nerfnav.planner.risk.tracking_error import PAPER_NOISE
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.regions import free_regions
-from nerfnav.robots import Robot, load
+from nerfnav.robots import PAPER_NOISE, Robot, load
 
 _SOLID = 60.0 / DENSITY_SCALE
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -113,7 +112,7 @@ def test_ends_keep_clear_of_what_noise_pushes_a_robot_into_where_there_is_room()
     field, robot = field_of(_HALL, _FLOOR, _PILLAR), load("quadrotor")
     pair = found_in(field, robot)
     assert pair is not None
-    push = 3 * PAPER_NOISE.noise[0]
+    push = 3 * PAPER_NOISE.process.position_m
     for end in pair:
         for away in torch.cat([push * torch.eye(3), -push * torch.eye(3)]):
             assert fits(field, robot.body, replace(end, position=end.position + away))

@@ -33,14 +33,14 @@ def room() -> VoxelField:
 
 
 def objective(weights: CostWeights | None = None) -> Objective:
-    return Objective(TermContext(room(), ROBOT, weights or CostWeights()), ROUTE, terms.counted())
+    return Objective(TermContext(room(), ROBOT, weights or CostWeights()), ROUTE, terms.list_terms())
 
 
 def term_by_term(weights: CostWeights | None = None) -> Objective:
     """The same with a term of one's own that is always 0, which no kernel knows."""
     nothing = CostTerm("nothing", lambda context, motion: 0 * motion.actions.sum((-2, -1)))
     context = TermContext(room(), ROBOT, weights or CostWeights())
-    return Objective(context, ROUTE, (*terms.counted(), nothing))
+    return Objective(context, ROUTE, (*terms.list_terms(), nothing))
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, 1.0])  # the last one leaves the box and runs out of thrust
@@ -76,7 +76,7 @@ def test_one_call_gives_the_terms_of_a_motion_that_is_there():
 def test_both_ways_search_alike():
     scales, config = ROBOT.free_scales(torch.from_numpy(guess())).numpy(), bfgs.NewtonConfig(iterations=12)
     found, expected = (
-        [step.cost.total for step, _ in bfgs.minimise(one, one(guess()), scales, config)]
+        [found.point.cost.total for found in bfgs.minimise(one, one(guess()), scales, config)]
         for one in (objective(), term_by_term())
     )
     np.testing.assert_allclose(found, expected, rtol=1e-5)
@@ -90,7 +90,7 @@ def test_both_ways_refuse_the_same_steps_far_from_what_the_robot_can_do(spread: 
     fused, plain, config = objective(), term_by_term(), bfgs.NewtonConfig(iterations=12)
     inverse = bfgs.preconditioner(plain.effort_curvature, start, scales, config.prior)
     found, expected = (
-        [step for step, _ in bfgs.minimise(search, search(start), scales, config, inverse)]
+        [found.point for found in bfgs.minimise(search, search(start), scales, config, inverse)]
         for search in (fused, plain)
     )
     refused = 0
@@ -114,9 +114,9 @@ def test_what_kernels_do_not_know_is_evaluated_term_by_term():
             return 2 * super().limits(motion)
 
     context = TermContext(room(), ROBOT, CostWeights())
-    assert Objective(context, ROUTE, terms.counted()).fused is not None
-    assert Objective(replace(context, robot=Careful()), ROUTE, terms.counted()).fused is None
-    assert Objective(context, ROUTE, terms.counted()[:-1]).fused is None
+    assert Objective(context, ROUTE, terms.list_terms()).fused is not None
+    assert Objective(replace(context, robot=Careful()), ROUTE, terms.list_terms()).fused is None
+    assert Objective(context, ROUTE, terms.list_terms()[:-1]).fused is None
 
 
 @pytest.mark.parametrize("count", [1, 5, 40])

@@ -15,9 +15,9 @@ from nerfnav.geometry.box import Box
 from nerfnav.planner.kernels.terms import interpolate_chance
 from nerfnav.planner.risk.collision_map import CollisionMap
 from nerfnav.planner.risk.configuration_space import CSpace
-from nerfnav.planner.risk.tracking_error import NoiseModel, RiskContext
+from nerfnav.planner.risk.tracking_error import RiskContext
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.robots import Body, load
+from nerfnav.robots import Body, NoiseModel, StateNoise, load
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from tests.planner.places import ROBOT
@@ -25,7 +25,7 @@ from tests.planner.places import ROBOT
 GRAIN = 0.015
 """Distance of the field's nodes [m]."""
 LONG = Body.box((0.3, 0.1, 0.1), (9, 3, 3))
-PUSHED = RiskContext(disturbance=NoiseModel((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)))
+PUSHED = RiskContext(noise=NoiseModel(StateNoise(0.02, 0.0, 0.0, 0.0), StateNoise(0.0, 0.0, 0.0, 0.0)))
 
 
 def block(half: tuple[float, float, float], scale: float = 1.0, solid: float = 5.0) -> VoxelField:
@@ -113,17 +113,17 @@ def test_with_each_heading_a_long_body_has_obstacles_as_large_as_the_thing_and_t
 def test_the_chance_of_a_long_body_goes_by_its_heading():
     """Beside a wall it is less likely to be pushed into it along it than across it."""
     robot = load("couch")
-    danger = CollisionMap.of(block((0.2, 0.4, 0.4)), robot, replace(PUSHED, height=0.0))
+    chances = CollisionMap.of(block((0.2, 0.4, 0.4)), robot, replace(PUSHED, height=0.0))
     wall = 0.2  # its surface, along y
     for gap, heading in ((0.08, math.pi / 2), (0.18, 0.0)):  # from the middle: half of the body, and 3 cm
-        found = interpolate_chance(danger.parts, 9, wall + gap, 0.0, 0.0, heading)[0]
+        found = interpolate_chance(chances.parts, 9, wall + gap, 0.0, 0.0, heading)[0]
         assert found == pytest.approx(0.5 * math.erfc(0.03 / 0.04 / math.sqrt(2)), abs=0.05)
     across, along = (
-        interpolate_chance(danger.parts, 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2)
+        interpolate_chance(chances.parts, 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2)
     )
     assert across > 0.8 and along < 0.2
     turned = [
-        interpolate_chance(danger.parts, 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0]
+        interpolate_chance(chances.parts, 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0]
         for turn in (math.pi, -math.tau)
     ]
     assert turned == pytest.approx([along, along])
@@ -132,20 +132,20 @@ def test_the_chance_of_a_long_body_goes_by_its_heading():
 @pytest.mark.parametrize("name", ["quadrotor", "quadrotor25"])
 def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
     robot = load(name)
-    danger = CollisionMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
-    middle = np.round(-danger.lower * danger.per_meter).astype(int)
-    row = danger.chances[-1, 0, :, middle[1], middle[2]]
-    x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
+    chances = CollisionMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
+    middle = np.round(-chances.lower * chances.per_meter).astype(int)
+    row = chances.chances[-1, 0, :, middle[1], middle[2]]
+    x = chances.lower[0] + np.arange(len(row)) / chances.per_meter[0]
     edge = 0.2 + 0.5 * robot.body.extents[0]
     tail = [0.5 * math.erfc((at - edge) / 0.04 / math.sqrt(2)) for at in x[(x > 0) & (x < 0.6)]]
     np.testing.assert_allclose(row[(x > 0) & (x < 0.6)], tail, atol=0.08)
 
 
-def test_where_nothing_pushes_there_is_danger_where_the_body_does_not_fit_and_nowhere_else():
-    still = (0.0, 0.0, 0.0, 0.0)
-    danger = CollisionMap.of(block((0.2, 0.1, 0.15)), ROBOT, RiskContext(disturbance=NoiseModel(still, still)))
-    assert set(np.unique(danger.chances)) <= {0.0, 0.5, 1.0}
-    volume = danger.chances[-1].sum() / danger.per_meter.prod()
+def test_without_noise_the_chance_is_1_where_the_body_does_not_fit_and_0_elsewhere():
+    still = StateNoise(0.0, 0.0, 0.0, 0.0)
+    chances = CollisionMap.of(block((0.2, 0.1, 0.15)), ROBOT, RiskContext(noise=NoiseModel(still, still)))
+    assert set(np.unique(chances.chances)) <= {0.0, 0.5, 1.0}
+    volume = chances.chances[-1].sum() / chances.per_meter.prod()
     assert volume == pytest.approx(np.prod(2 * np.array([0.2, 0.1, 0.15]) + ROBOT.body.extents), rel=0.08)
 
 

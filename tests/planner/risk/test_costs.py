@@ -16,7 +16,7 @@ from tests.planner.places import BOX, ROBOT, Fog, Wall, ball, straight_motion
 
 
 def terms_of(field: Field, motion: Motion, weights: CostWeights | None = None) -> Evaluated:
-    return evaluate(terms.counted(), TermContext(field, ROBOT, weights or CostWeights()), motion)
+    return evaluate(terms.list_terms(), TermContext(field, ROBOT, weights or CostWeights()), motion)
 
 
 def test_in_uniform_fog_every_body_point_pays_for_its_way():

@@ -156,7 +156,7 @@ def test_calming_keeps_the_ends_and_what_is_calm_already():
     assert calmed.diff(n=3, dim=0)[2:-2].norm() < 0.3 * jagged.diff(n=3, dim=0)[2:-2].norm()
 
 
-def test_greed_finds_a_way_that_is_at_most_so_much_dearer():
+def test_greed_finds_a_way_that_costs_at_most_so_much_more():
     generator = np.random.default_rng(3)
     prices = 1 + 4 * generator.random((1, 14, 13, 12))
     ends = np.array([0, 0, 0, 0]), np.array([0, 13, 12, 11])

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import OccupiedError
+from nerfnav.core.steps import run_steps
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.planner import terms
@@ -21,7 +22,7 @@ from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.space.border import SOLID_BEYOND, bordered_density, is_beyond, outside, reach_of
 from nerfnav.planner.space.ends import check_ends, fits, nearest_free_pose
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import FLYABLE, PlanCost, PlanOutcome, last_step
+from nerfnav.planner.steps import FLYABLE, PlanCost, PlanOutcome
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.robots import load
 from nerfnav.robots.state import Motion, RigidState
@@ -46,11 +47,11 @@ def test_what_is_beyond_the_border_is_solid_and_the_border_itself_is_inside():
 
 
 def test_a_plan_along_the_border_whose_body_would_reach_beyond_is_not_called_converged():
-    problem, told = across(OPEN), {}
+    problem, found = across(OPEN), {}
     for name, motion in (("along", ALONG), ("over", OVER)):
-        told[name] = judge_search(problem, motion, PlanCost(0.0, 1.0, 0.0), PlanOutcome.CONVERGED)
-    assert told["over"] is PlanOutcome.IN_COLLISION
-    assert told["along"] is PlanOutcome.CONVERGED
+        found[name] = judge_search(problem, motion, PlanCost(0.0, 1.0, 0.0), PlanOutcome.CONVERGED)
+    assert found["over"] is PlanOutcome.IN_COLLISION
+    assert found["along"] is PlanOutcome.CONVERGED
     assert collision_probability_bound(OPEN, OVER, ROBOT.body) == 1 == assess_safety(OPEN, OVER, ROBOT.body).bound
     assert collision_probability_bound(OPEN, ALONG, ROBOT.body) == 0
 
@@ -98,7 +99,7 @@ def test_the_compiled_penalty_is_that_of_the_reference_and_its_gradient_that_of_
     step, spread = 1e-6, 1.0  # leaves the box, tilted
     context = PlanProblem(room(), ROBOT, ROUTE.start, ROUTE.goal, ROUTE.steps, ROUTE.dt).context(CostWeights(limits=0))
     nothing = CostTerm("nothing", lambda context, motion: 0 * motion.actions.sum((-2, -1)))
-    alone = tuple(term for term in terms.counted() if term.name == "outside")
+    alone = tuple(term for term in terms.list_terms() if term.name == "outside")
     j = Objective(context, ROUTE, (*alone, nothing))
     free = guess(spread)
     here, motion = j(free), ROBOT.motion(
@@ -117,9 +118,9 @@ def test_plans_between_something_and_the_border_keep_all_of_the_body_inside(plan
     start, goal = RigidState.at_rest((-0.7, 0.88, 0.4)), RigidState.at_rest((0.7, 0.88, 0.4))
     problem = PlanProblem(ball(0.8), ROBOT, start, goal)  # 20 cm are left for 10
     if planner == "paper":
-        last = last_step(plan(problem, replace(PlanConfig.paper(), iterations=60)))
+        last = run_steps(plan(problem, replace(PlanConfig.paper(), iterations=60)))
     else:
-        last = last_step(plan_fast(problem, with_risk(FastPlanConfig()) if "risk" in planner else FastPlanConfig()))
+        last = run_steps(plan_fast(problem, with_risk(FastPlanConfig()) if "risk" in planner else FastPlanConfig()))
     assert last.outcome in FLYABLE and not beyond(problem, last.motion)
 
 
@@ -127,7 +128,7 @@ def test_plans_between_something_and_the_border_keep_all_of_the_body_inside(plan
 @pytest.mark.parametrize("door", [0.24, 0.26, 0.28])
 def test_in_a_strait_no_plan_dives_through_the_floor(door: float, risk: bool):
     problem = across(Wall(door=door))
-    last = last_step(plan_fast(problem, with_risk(FastPlanConfig()) if risk else FastPlanConfig()))
+    last = run_steps(plan_fast(problem, with_risk(FastPlanConfig()) if risk else FastPlanConfig()))
     assert not beyond(problem, last.motion)
     assert last.outcome is not PlanOutcome.IN_COLLISION
 

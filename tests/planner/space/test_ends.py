@@ -27,11 +27,11 @@ def test_free_ends_are_accepted():
 
 
 def test_a_goal_inside_a_stone_is_refused_with_the_nearest_free_point():
-    with pytest.raises(OccupiedError, match=r"the goal \(0.10, 0.00, 0.40\) is in occupied space; the nearest") as told:
+    with pytest.raises(OccupiedError, match=r"goal \(0.10, 0.00, 0.40\) is in occupied space; the nearest") as raised:
         check(FREE, RigidState.at_rest((0.1, 0.0, 0.4)))
-    nearest = told.value.nearest
+    nearest = raised.value.nearest
     assert nearest is not None
-    assert "(" + ", ".join(f"{number:.2f}" for number in nearest) + ")" in str(told.value)
+    assert "(" + ", ".join(f"{number:.2f}" for number in nearest) + ")" in str(raised.value)
     check(FREE, RigidState.at_rest(nearest))  # what is offered is accepted
     assert torch.tensor(nearest).sub(torch.tensor([0.1, 0.0, 0.4])).norm() < 0.35
 
@@ -46,7 +46,7 @@ def test_a_start_beside_a_stone_is_judged_by_its_body_not_by_its_centre():
     assert fits(FIELD, ROBOT.body, beside, density) and not fits(FIELD, ROBOT.body, beside, 0.99 * density)
 
 
-def test_ends_outside_the_box_are_refused_and_the_box_is_told():
+def test_ends_outside_the_box_are_refused_with_the_box_in_the_message():
     with pytest.raises(OutsideBoxError, match=r"the start \(0.00, 5.00, 0.40\) is outside .* x -1.00 to 1.00"):
         check(RigidState.at_rest((0, 5, 0.4)), FREE)
 
@@ -63,9 +63,9 @@ def test_numbers_that_are_none_are_refused(part: str, bad: float):
 def test_where_all_is_occupied_no_point_is_offered():
     stone = Fog(rho=100.0)
     occupancy = OccupancyMap.of(stone, ROBOT.body, OccupancyConfig(voxel=0.1))
-    with pytest.raises(OccupiedError, match="no free point was found within 1 m") as told:
+    with pytest.raises(OccupiedError, match="no free point was found within 1 m") as raised:
         check_ends(stone, ROBOT.body, FREE, FREE, occupancy)
-    assert told.value.nearest is None
+    assert raised.value.nearest is None
 
 
 def test_the_nearest_free_point_is_in_whole_centimetres():
@@ -74,7 +74,7 @@ def test_the_nearest_free_point_is_in_whole_centimetres():
     torch.testing.assert_close((nearest.position * 100).round() / 100, nearest.position)
 
 
-def test_a_long_body_across_a_corridor_is_told_to_turn():
+def test_a_long_body_across_a_corridor_is_advised_to_turn():
     couch = robots.load("couch")
     corridor = Wall(door=0.28, thickness=1.9)  # along x, as wide as the body is long, less its soft edges
     occupancy = OccupancyMap.of(corridor, couch.body, OccupancyConfig(voxel=0.04), 0.4)

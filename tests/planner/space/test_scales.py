@@ -17,8 +17,8 @@ def test_in_the_bundled_worlds_they_are_what_was_chosen_for_the_papers_robot(nam
     scales = scales_of(load_field(scenes.trained_path(name)), ROBOT.body)
     assert scales.voxel == pytest.approx(0.04)
     assert scales.threshold == 5.0
-    told = (scales.clearance, scales.snap, scales.search, scales.rounding, scales.berth, scales.reach, scales.drift)
-    assert told == pytest.approx((0.1, 0.3, 1.0, 0.06, 0.16, 0.5, 0.05))
+    found = (scales.clearance, scales.snap, scales.search, scales.rounding, scales.berth, scales.reach, scales.drift)
+    assert found == pytest.approx((0.1, 0.3, 1.0, 0.06, 0.16, 0.5, 0.05))
     assert scales.decimals == 2
 
 
@@ -40,7 +40,7 @@ def test_they_grow_with_place_and_robot(factor: float):
 
 def test_a_map_is_no_finer_than_the_field_nor_than_memory_and_patience_allow():
     coarse = field_of(house(), 0.2)
-    assert scales_of(coarse, ROBOT.body).voxel >= float(coarse.spacing.max())
+    assert scales_of(coarse, ROBOT.body).voxel >= coarse.resolution
     huge = field_of(house().scaled(1000.0), 500.0)
     assert huge.box.size.double().prod().item() / scales_of(huge, ROBOT.body).voxel ** 3 < 3e7
 

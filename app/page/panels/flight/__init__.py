@@ -1,1 +1,1 @@
-"""Flight panels: steering and settings, charts, the estimate, the camera, camera tracks."""
+"""Flight panels: steering and settings, the estimate, the camera, camera tracks."""

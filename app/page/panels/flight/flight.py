@@ -1,8 +1,7 @@
-"""Flight panel: hold, step and push a flight, its numbers, and the settings of the next one.
+"""Flight panel: pause, step and push a flight, its numbers, and the settings of the next one.
 
-The settings are seed, noise, world and speed, and whether the robot looks where it flies or flies blindly.
+The settings are seed, noise, world, speed and open loop.
 """
-
 
 from collections.abc import Callable
 
@@ -11,13 +10,12 @@ import viser
 
 from nerfnav.navigation import WorldName
 from nerfnav.robots import ATTITUDE, POSITION
+from nerfnav_app.page.kit.chart import TIMES, FlightChart
 from nerfnav_app.page.kit.html import note, table, warning
 from nerfnav_app.page.kit.widgets import Binder
-from nerfnav_app.page.panels.flight.flight_charts import TIMES, FlightChart
 from nerfnav_app.state.actions import Command, Gust, Pause, Resume, Settings, StepOnce
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import LARGEST_SEED, FlightRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import LARGEST_SEED
 from nerfnav_app.text import number, sentence
 
 _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter": 0.25}
@@ -26,31 +24,31 @@ _WORLDS: dict[str, WorldName] = {"the paper's noise": "paper", "wind and motors"
 
 
 class FlightSettingsWidgets:
-    """The widgets of `FlightSettings`."""
+    """Widgets of `FlightSettings`, in a folder."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         with server.gui.add_folder("Settings", expand_by_default=False):
             self._speed: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-                "Speed", list[str](_SPEEDS), hint="Counts at once, also while flying"
+                "Speed", list[str](_SPEEDS), hint="Takes effect at once, in flight too"
             )
             self._world: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-                "World", list[str](_WORLDS), hint="Wind and motors: a quadrotor of 250 g in wind of 2 m/s"
+                "World", list[str](_WORLDS), hint="Wind and motors: a quadrotor of 250 g in 2 m/s of wind"
             )
             self._realtime = server.gui.add_checkbox(
-                "World does not wait", False, hint="Steps that take longer than their time are late, and counted"
+                "Computing takes time", False, hint="The world goes on while filter and planner compute"
             )
             self._seed = server.gui.add_number(
-                "Seed", 0, min=0, max=LARGEST_SEED, step=1, hint="Of the noise and of the first belief"
+                "Seed", 0, min=0, max=LARGEST_SEED, step=1, hint="Of the noise and the initial belief"
             )
             self._position = server.gui.add_slider(
-                "Push [cm]", 0.0, 10.0, 0.5, 2.0, hint="Standard deviation of each coordinate at each time step"
+                "Position noise [cm]", 0.0, 10.0, 0.5, 2.0, hint="Standard deviation per time step, along each axis"
             )
             self._attitude = server.gui.add_slider(
-                "Twist [°]", 0.0, 10.0, 0.1, 1.1, hint="Standard deviation of the attitude at each time step"
+                "Attitude noise [°]", 0.0, 10.0, 0.1, 1.1, hint="Standard deviation per time step, about each axis"
             )
-            self._blind = server.gui.add_checkbox(
-                "Blindly", False, hint="Fly the first plan without looking, for comparison"
+            self._open_loop = server.gui.add_checkbox(
+                "Open loop", False, hint="Fly the first plan without filter and replanning"
             )
         bind = Binder(Settings.FLIGHT, post)
         bind(self._speed, "pace", _SPEEDS.__getitem__)
@@ -59,10 +57,10 @@ class FlightSettingsWidgets:
         bind(self._seed, "seed", round)
         bind(self._position, "position_noise_m", lambda value: 0.01 * float(value))
         bind(self._attitude, "attitude_noise_rad", lambda value: float(np.deg2rad(value)))
-        bind(self._blind, "open_loop", bool)
+        bind(self._open_loop, "open_loop", bool)
 
     def show(self, session: Session) -> None:
-        """Put the session's settings into the widgets."""
+        """Copy the session's settings into the widgets."""
         settings = session.flight_settings
         self._speed.value = next((name for name, pace in _SPEEDS.items() if pace == settings.pace), self._speed.value)
         self._world.value = next(name for name, world in _WORLDS.items() if world == settings.world)
@@ -71,17 +69,17 @@ class FlightSettingsWidgets:
         self._seed.value = settings.seed
         self._position.value = round(100 * settings.position_noise_m, 2)
         self._attitude.value = round(float(np.rad2deg(settings.attitude_noise_rad)), 1)
-        self._blind.value = settings.open_loop
+        self._open_loop.value = settings.open_loop
 
 
 class FlightPanel:
-    """The buttons, the settings, the numbers and the charts of the flight."""
+    """Panel of a flight: buttons, settings, numbers and charts."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._steer = server.gui.add_button_group("Flight", ("Pause", "Step"), visible=False)
         self._gust = server.gui.add_button(
-            "Gust", color="gray", icon=viser.Icon.WIND, visible=False, hint="Push the robot, now"
+            "Gust", color="gray", icon=viser.Icon.WIND, visible=False, hint="Push the robot once"
         )
         self._settings = FlightSettingsWidgets(server, post)
         self._numbers = server.gui.add_html("")
@@ -98,7 +96,7 @@ class FlightPanel:
                 post(commands[event.target.value])
 
     def show(self, session: Session) -> None:
-        """Show the flight as far as it is."""
+        """Show the flight as far as it has gone."""
         job, flying = session.job, session.in_flight
         self._steer.visible = self._gust.visible = flying
         self._settings.show(session)
@@ -109,26 +107,24 @@ class FlightPanel:
 
 
 def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
-    """The numbers of a flight, as HTML."""
+    """Format the numbers of a flight as HTML."""
     if flight is None or not flight.steps:
-        return note(
-            "Planning the way…" if flying else "Not flown yet: press Fly it, and the robot goes by its camera alone."
-        )
+        return note("Planning…" if flying else "No flight yet. Press Fly: the robot flies by its camera alone.")
     last = flight.steps[-1]
     error = last.truth.local(last.belief.mean)
     deviation = last.belief.covariance.diagonal()[POSITION].sum().sqrt().item()
     rows = [
         ("Time", number(last.time, "s")),
         ("Position error", number(100 * error[POSITION].norm().item(), "cm")),
-        ("Expected position error", number(100 * deviation, "cm"), "Root of the trace of the position's covariance"),
+        ("Standard deviation", number(100 * deviation, "cm"), "Root of the trace of the position covariance"),
         ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
         ("Filter", number(last.filter_ms, "ms")),
         ("Replanning", number(last.replan_ms, "ms")),
-        ("Late steps", str(sum(step.late for step in flight.steps))),
-        ("Time steps in contact", str(sum(step.touched for step in flight.steps)), "With the ground-truth mesh"),
+        ("Steps over time", str(sum(step.late for step in flight.steps)), "Computed longer than a step lasts"),
+        ("Steps in collision", str(sum(step.touched for step in flight.steps)), "With the ground-truth mesh"),
     ]
-    words = sentence(flight.outcome.value) if flight.outcome is not None else ""
-    if not words and not flying:
-        words = "Stopped on the way."
-    remark = warning("Start or goal have moved since: this flight was between the earlier ones.") if stale else ""
-    return table(rows) + (note(words) if words else "") + remark
+    outcome = sentence(flight.outcome.value) if flight.outcome is not None else ""
+    if not outcome and not flying:
+        outcome = "Stopped before the goal."
+    remark = warning("Start or goal have moved since this flight.") if stale else ""
+    return table(rows) + (note(outcome) if outcome else "") + remark

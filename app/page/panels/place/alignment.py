@@ -1,6 +1,7 @@
 """Alignment panel: correct up, scale and box of a place by hand, without training again."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import viser
@@ -10,7 +11,7 @@ from nerfnav.geometry import Box
 from nerfnav.importers import format_length
 from nerfnav_app.page.kit.html import note, warning
 from nerfnav_app.places.sources import title_of
-from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.actions import Command, Notify
 from nerfnav_app.state.alignment import (
     AlignmentDraft,
     ApplyAlignment,
@@ -30,41 +31,40 @@ _ICON = viser.Icon
 
 
 class AlignmentPanel:
-    """A folder with what was guessed, what to point at, a box, and what applies and undoes it."""
+    """Panel of the alignment: measurements, a crop box, and buttons to apply and undo them."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._post = post
         self._session: Session | None = None
         with server.gui.add_folder("Up, scale, box", expand_by_default=False):
             self._guessed = server.gui.add_html(note("Opening…"))
             self._point = server.gui.add_button_group(
-                "Click", tuple(kind.value for kind in PickTarget), hint="Two points to measure, or three of the floor"
+                "Click",
+                tuple(kind.value for kind in PickTarget),
+                hint="Click two points to measure, or three of the floor",
             )
             self._distance = server.gui.add_number(
-                "Distance [m]", 0.0, min=0.0, step=0.001, hint="How far the two points are apart in truth"
+                "Distance [m]", 0.0, min=0.0, step=0.001, hint="True distance of the two points"
             )
             self._find = server.gui.add_checkbox(
-                "Find the floor", False, hint="Take the level plane that most lies on for the floor"
+                "Find the floor", False, hint="Detect the horizontal plane that holds most of the surface"
             )
-            self._crop = server.gui.add_checkbox("Crop", False, hint="Keep a part of the place alone")
+            self._crop = server.gui.add_checkbox("Crop", False, hint="Keep a box of the place")
             self._lower = server.gui.add_vector3("Keep from [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
             self._upper = server.gui.add_vector3("Keep to [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
-            self._said = server.gui.add_html("")
-            self._buttons = [
-                self._button(server, "Apply", _ICON.CHECK, ApplyAlignment(), "Put the place right; nothing is learned"),
-                self._button(
-                    server, "As it was before", _ICON.ARROW_BACK_UP, UndoAlignment(), "Before the last change"
-                ),
-                self._button(server, "Forget", _ICON.ERASER, DiscardAlignment(), "Forget what was clicked and typed"),
-            ]
-            keep = server.gui.add_button("Save the field", color="gray", icon=_ICON.DOWNLOAD, hint="As a file (.npz)")
+            self._status = server.gui.add_html("")
+            button = partial(self._button, server)
+            self._apply = button("Apply", _ICON.CHECK, ApplyAlignment(), "Align the place without training again")
+            self._undo = button("Undo alignment", _ICON.ARROW_BACK_UP, UndoAlignment(), "Restore the earlier place")
+            self._discard = button("Discard input", _ICON.ERASER, DiscardAlignment(), "Discard clicks and numbers")
+            self._save = server.gui.add_button("Save the field", color="gray", icon=_ICON.DOWNLOAD, hint="As .npz")
         self._point.on_click(self._point_at)
         self._distance.on_update(self._measure)
         self._find.on_update(self._find_floor)
         for widget in (self._crop, self._lower, self._upper):
             widget.on_update(self._keep)
-        keep.on_click(self._send)
+        self._save.on_click(self._send)
 
     def _button(
         self, server: viser.ViserServer, name: str, icon: viser.IconName, command: Command, hint: str
@@ -94,69 +94,68 @@ class AlignmentPanel:
             return  # the session wrote it
         if not self._crop.value:
             self._post(Keep(None))
-        elif self._session.placing.kept is None:
+        elif self._session.alignment.kept is None:
             box = self._session.place.field.box
             self._post(Keep((_corner(box.lower.tolist()), _corner(box.upper.tolist()))))
         else:
             self._post(Keep((_corner(self._lower.value), _corner(self._upper.value))))
 
     def _send(self, event: viser.GuiEvent) -> None:
-        """Send the field's file to the tab that asked; runs on a thread of the server's pool."""
+        """Send the field's file to the tab that requests it; runs on a thread of the server's pool."""
         place = self._session.place if self._session is not None else None
         if event.client is None or place is None:
             return
         if place.file is None:
-            self._post(Tell("No file", "This place was made in memory.", bad=True))
+            self._post(Notify("No file", "This place exists in memory only.", bad=True))
             return
         try:
             content = Path(place.file).read_bytes()
         except OSError as error:
-            self._post(Tell("Not saved", f"{title_of(str(place.file))} cannot be read: {error.strerror}", bad=True))
+            self._post(Notify("Not saved", f"{title_of(str(place.file))} cannot be read: {error.strerror}", bad=True))
             return
         event.client.send_file_download(f"{place.name}.npz", content, save_immediately=True)
 
     def show(self, session: Session) -> None:
-        """Show what is known, and put the session's numbers into the widgets."""
+        """Show what is known, and copy the session's numbers into the widgets."""
         self._session = session
-        place, placing = session.place, session.placing
+        place, draft = session.place, session.alignment
         if place is None:
-            self._guessed.content, self._said.content = note("Opening…"), ""
+            self._guessed.content, self._status.content = note("Opening…"), ""
             return
-        self._guessed.content = note(known(place.field.info.guesses, place.field.box))
-        self._said.content = described(placing)
-        self._distance.value = placing.distance or 0.0
-        self._find.value = placing.find_floor
-        self._crop.value = placing.kept is not None
-        self._lower.visible = self._upper.visible = placing.kept is not None
-        if placing.kept is not None:
-            self._lower.value, self._upper.value = placing.kept
-        for button, wanted in zip(self._buttons, (session.may_begin, bool(placing.undo), True), strict=True):
-            button.disabled = not wanted
+        self._guessed.content = note(describe_scale(place.field.info.guesses, place.field.box))
+        self._status.content = describe(draft)
+        self._distance.value = draft.distance or 0.0
+        self._find.value = draft.find_floor
+        self._crop.value = draft.kept is not None
+        self._lower.visible = self._upper.visible = draft.kept is not None
+        if draft.kept is not None:
+            self._lower.value, self._upper.value = draft.kept
+        self._apply.disabled, self._undo.disabled = not session.may_begin, not draft.undo
 
 
-def known(guesses: tuple[str, ...], box: Box) -> str:
-    """What is known of up and lengths: sentences."""
+def describe_scale(guesses: tuple[str, ...], box: Box) -> str:
+    """Describe the length of the place, and what was guessed of up and scale."""
     longest = f"This place is {format_length(float(box.size.max()))} long."
     if not guesses:
         return longest
     return " ".join([longest, "Guessed:", *map(sentence, guesses)])
 
 
-def described(placing: AlignmentDraft) -> str:
-    """What has been told so far, and what comes next, as HTML."""
-    if placing.pointing is not None:
-        points = placing.measured if placing.pointing is PickTarget.DISTANCE else placing.floor
-        return note(f"Click point {len(points) + 1} of {placing.pointing.count} of {placing.pointing.value}.")
-    told = []
-    if placing.length is not None:
-        told.append(f"The two points are {format_length(placing.length)} apart now: type what it is in truth.")
-    if len(placing.floor) == 3:
-        told.append("Three points of the floor: Apply puts it at z = 0.")
+def describe(draft: AlignmentDraft) -> str:
+    """Describe the measurements so far and the next action, as HTML."""
+    if draft.pointing is not None:
+        points = draft.measured if draft.pointing is PickTarget.DISTANCE else draft.floor
+        return note(f"Click point {len(points) + 1} of {draft.pointing.count} ({draft.pointing.value}).")
+    texts = []
+    if draft.length is not None:
+        texts.append(f"The two points are {format_length(draft.length)} apart now: type their true distance.")
+    if len(draft.floor) == 3:
+        texts.append("The floor is set by three points: Apply moves it to z = 0.")
     try:
-        placing.correction()
+        draft.request()
     except NerfnavError as error:
         return warning(sentence(str(error)))
-    return note(" ".join(told or map(sentence, placing.told)))
+    return note(" ".join(texts or map(sentence, draft.changes)))
 
 
 def _corner(values: tuple[float, ...] | list[float]) -> Vector:

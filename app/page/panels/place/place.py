@@ -1,4 +1,4 @@
-"""Place panel: open a place, choose how well places are learned, choose the robot."""
+"""Place panel: open a place, select the training quality and the robot."""
 
 from collections.abc import Callable
 
@@ -13,15 +13,15 @@ from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.sources import BUDGETS_S, SUFFIXES, QualityName, title_of
 from nerfnav_app.places.uploads import UploadError
 from nerfnav_app.queries.place_list import PlaceListQuery
-from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, OpenPlace, Tell
+from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, Notify, OpenPlace
 from nerfnav_app.state.session import Session
 
 
 class PlacePanel:
-    """A list of the bundled places, and of the robots."""
+    """Panel of the places and the robots."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None], library: PlaceLibrary) -> None:
-        """`post` takes what the user asks, `library` what the user brings."""
+        """Add the widgets; `post` takes the commands, `library` stores uploads."""
         self._post, self._library = post, library
         self._session: Session | None = None
         self._bundled = {name: name for name in scenes.with_fields()}
@@ -29,7 +29,7 @@ class PlacePanel:
         self._opened: dict[str, str] = {}
         self._known: dict[str, str] = {}
         self._places: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            "Place", list[str](self._bundled), hint="Bundled worlds, and the files that were opened"
+            "Place", list[str](self._bundled), hint="Bundled worlds and files that were opened"
         )
         self._places.on_update(self._open)
         self._upload = server.gui.add_upload_button(
@@ -37,17 +37,17 @@ class PlacePanel:
             color="gray",
             icon=viser.Icon.UPLOAD,
             mime_type=",".join(SUFFIXES),
-            hint="A field, a mesh (glb, obj, ...), Gaussian splats (ply, spz, sog, ...), a capture in a zip, a video",
+            hint="A field, a mesh (glb, obj, ...), Gaussian splats (ply, spz, sog, ...), a zip of a capture, a video",
         )
         self._upload.on_upload(self._take)
         self._quality: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            "Learn it", tuple(_QUALITIES), hint="How well meshes and captures are learned; other files open at once"
+            "Training quality", tuple(_QUALITIES), hint="Of meshes and captures; other files open without training"
         )
-        self._doing = server.gui.add_html("", visible=False)
+        self._progress = server.gui.add_html("", visible=False)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
         self._unproven = server.gui.add_html("", visible=False)
         known = (*robots.names(), *map(str, library.robots.files()))
-        self._robots = ChoiceList(server, "robot", known, "What moves: its body and its dynamics", post)
+        self._robots = ChoiceList(server, "robot", known, "Body and dynamics", post)
 
         @self._quality.on_update
         async def _(event: viser.GuiEvent) -> None:
@@ -59,34 +59,34 @@ class PlacePanel:
             post(Cancel())
 
     async def _open(self, event: viser.GuiEvent) -> None:
-        what = self._known.get(self._places.value)  # nothing is known before the first session is shown
+        what = self._known.get(self._places.value)  # empty before the first session is shown
         if event.client is not None and self._session is not None and what not in (None, self._session.what):
             self._post(OpenPlace(what))
 
     def _take(self, event: viser.GuiEvent) -> None:
-        """Keep what was brought and open it; runs on a thread of the server's pool."""
-        brought = self._upload.value
+        """Store the upload and open it; runs on a thread of the server's pool."""
+        upload = self._upload.value
         try:
-            self._post(OpenPlace(str(self._library.keep(brought.name, brought.content))))
+            self._post(OpenPlace(str(self._library.keep(upload.name, upload.content))))
         except UploadError as error:
-            self._post(Tell("Not opened", str(error), bad=True))
+            self._post(Notify("Not opened", str(error), bad=True))
 
     def show(self, session: Session) -> None:
-        """Show what is open and chosen."""
+        """Show the open place and the selected robot."""
         self._session = session
         self._list(session)
-        self._quality.value = _words(session.quality)
-        self._doing.visible = session.place is None
-        self._doing.content = note(doing(session))
+        self._quality.value = _label(session.quality)
+        self._progress.visible = session.place is None
+        self._progress.content = note(describe_opening(session))
         self._stop.visible = session.place is None and session.before is not None
-        told = "" if session.place is None else describe_unproven_in(session.place)
-        self._unproven.visible = told != ""
-        if told:
-            self._unproven.content = note(told)
+        unproven = "" if session.place is None else describe_unproven_in(session.place)
+        self._unproven.visible = unproven != ""
+        if unproven:
+            self._unproven.content = note(unproven)
         self._robots.show(session)
 
     def _list(self, session: Session) -> None:
-        """List what has opened, and what is being opened while it is."""
+        """List the places that were opened, and the one that is being opened."""
         listed = PlaceListQuery.result_in(session)
         if listed is not None:
             self._kept = {entry.name: entry.what for entry in listed}
@@ -100,23 +100,23 @@ class PlacePanel:
         self._places.value = here
 
 
-def doing(session: Session) -> str:
-    """What is being done to open a place, and how long it will take."""
+def describe_opening(session: Session) -> str:
+    """Describe the progress of opening a place, and the time left."""
     job = session.job
     if job is None:
         return f"{title_of(session.what)} could not be opened."
-    left = "" if job.left_s is None else f" About {in_words_s(job.left_s)} left."
+    left = "" if job.left_s is None else f" About {format_wait(job.left_s)} left."
     return f"Opening {title_of(session.what)}: {job.label[:1].lower()}{job.label[1:]}.{left}"
 
 
-def in_words_s(seconds: float) -> str:
-    """A time to wait."""
+def format_wait(seconds: float) -> str:
+    """Format a waiting time [s], rounded."""
     return f"{max(1, round(seconds / 5)) * 5} s" if seconds < 90 else f"{round(seconds / 60)} min"
 
 
-def _words(quality: QualityName) -> str:
-    """A quality with the time that it takes."""
-    return f"{quality}: about {in_words_s(BUDGETS_S[quality])}"
+def _label(quality: QualityName) -> str:
+    """Format a quality with its training time."""
+    return f"{quality}: about {format_wait(BUDGETS_S[quality])}"
 
 
-_QUALITIES: dict[str, QualityName] = {_words(quality): quality for quality in BUDGETS_S}
+_QUALITIES: dict[str, QualityName] = {_label(quality): quality for quality in BUDGETS_S}

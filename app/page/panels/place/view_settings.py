@@ -18,31 +18,35 @@ _SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet
 
 
 class ViewSettingsPanel:
-    """The widgets of `ViewSettings`, but for what belongs to flights."""
+    """Panel of `ViewSettings`, except those of flights."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._server, self._lit = server, False
         with server.gui.add_folder("View", expand_by_default=False):
             gui = server.gui
             self._camera: viser.GuiDropdownHandle[str] = gui.add_dropdown(
-                "Seen from", list[str](_CAMERAS), hint="Keys 1 to 4"
+                "Camera view", list[str](_CAMERAS), hint="Keys 1 to 4"
             )
             self._backdrop: viser.GuiDropdownHandle[str] = gui.add_dropdown(
-                "Field", list[str](_BACKDROPS), hint="The surface is quick; the field itself is what the robot sees"
+                "Field",
+                list[str](_BACKDROPS),
+                hint="The surface draws fast; the field itself is rendered as the robot sees it",
             )
             self._opacity = gui.add_slider("Opacity [%]", 5.0, 100.0, 5.0, 100.0, hint="Of the surface")
             self._clip = gui.add_slider("Cut above [%]", 5.0, 100.0, 5.0, 100.0, hint="Of the height of the place")
-            self._truth = gui.add_checkbox("Ground truth", False, hint="The mesh that flights are judged by")
-            self._occupied = gui.add_checkbox("Occupied", False, hint="Where the robot's body does not fit")
-            self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
-            self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
+            self._truth = gui.add_checkbox("Ground truth", False, hint="Draw the mesh that collisions are counted with")
+            self._occupied = gui.add_checkbox(
+                "Occupied", False, hint="Draw voxels in which the robot's body does not fit"
+            )
+            self._unknown = gui.add_checkbox("Unknown", False, hint="Draw space that no camera saw: planners avoid it")
+            self._sliced = gui.add_checkbox("Density slice", False, hint="Draw the density at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
             self._clearance = gui.add_checkbox(
-                "Line by clearance", False, hint="Colours tell how much room the robot has along the plan"
+                "Line by clearance", False, hint="Colour the plan by the robot's clearance"
             )
-            self._scale = gui.add_html(scale(*CLEARANCE_CM, "cm of room"), visible=False)
-            self._light = gui.add_checkbox("Light panels", False, hint="The scene stays dark, for its lines to be seen")
+            self._scale = gui.add_html(scale(*CLEARANCE_CM, "cm of clearance"), visible=False)
+            self._light = gui.add_checkbox("Light panels", False, hint="The scene stays dark: its lines need contrast")
         bind = Binder(Settings.VIEW, post)
         bind(self._camera, "camera", _CAMERAS.__getitem__)
         bind(self._light, "light", bool)
@@ -57,28 +61,27 @@ class ViewSettingsPanel:
         bind(self._height, "slice", _share)
 
     def show(self, session: Session) -> None:
-        """Put the session's look into the widgets."""
-        look = session.view_settings
-        place = session.place
+        """Copy the session's view settings into the widgets."""
+        view, place = session.view_settings, session.place
         splats = place is not None and place.splats is not None
         choices = tuple(name for name, backdrop in _BACKDROPS.items() if splats or backdrop is not Backdrop.SPLATS)
         if self._backdrop.options != choices:
             self._backdrop.options = choices
-        self._camera.value, self._light.value = look.camera.value, look.light
-        if look.light != self._lit:
-            self._lit = look.light
-            apply_brightness(self._server, look.light)
-        self._backdrop.value = look.backdrop.value
-        self._clearance.value = self._scale.visible = look.clearance
-        self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
-        self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
-        self._truth.value, self._occupied.value, self._unknown.value = look.truth, look.occupied, look.unknown
+        self._camera.value, self._light.value = view.camera.value, view.light
+        if view.light != self._lit:
+            self._lit = view.light
+            apply_brightness(self._server, view.light)
+        self._backdrop.value = view.backdrop.value
+        self._clearance.value = self._scale.visible = view.clearance
+        self._opacity.value, self._clip.value = round(100 * view.opacity), round(100 * view.clip)
+        self._opacity.visible = self._clip.visible = view.backdrop is Backdrop.SURFACE
+        self._truth.value, self._occupied.value, self._unknown.value = view.truth, view.occupied, view.unknown
         self._truth.visible = place is not None and place.truth is not None
         field = None if place is None else place.field
         self._unknown.visible = isinstance(field, VoxelField) and field.unknown is not None
-        self._sliced.value, self._height.visible = look.slice is not None, look.slice is not None
-        if look.slice is not None:
-            self._height.value = round(100 * look.slice)
+        self._sliced.value, self._height.visible = view.slice is not None, view.slice is not None
+        if view.slice is not None:
+            self._height.value = round(100 * view.slice)
 
 
 def _share(percent: float) -> float:

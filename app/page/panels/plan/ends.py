@@ -9,32 +9,32 @@ import viser
 from nerfnav_app.page.kit.html import fine, note, warning
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.places.place import Place
-from nerfnav_app.state.actions import Aim, ChooseTask, Command, MoveEnd, TypeEnd
+from nerfnav_app.state.actions import AimEnd, ChooseTask, Command, MoveEnd, TypeEnd
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import capital, sentence
 
-_BY_HAND = "my own"
+_BY_HAND = "custom"
 _HELD_S = 0.25
-"""How often numbers change while a hand drags an end: forms cost a browser more than the plan that follows."""
+"""Interval of updates of the numbers during a drag [s]: forms cost a browser more than the plan that follows."""
 
 
 class EndsPanel:
-    """The task, and for each end its position and heading."""
+    """Panel of the task, and the position and heading of each end."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._post = post
-        self._told_at = 0.0
+        self._updated_at = 0.0
         self._tasks: dict[str, str] = {}
         self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
+            "Task", list[str]([_BY_HAND]), hint="Start and goal of a task of this scene"
         )
         self._task.on_update(self._choose)
         self._numbers = {which: _EndNumbers(server, which, post) for which in EndRole}
         self._aim = server.gui.add_button_group(
             "Click to place", tuple(which.value for which in EndRole), hint="Then click into the scene"
         )
-        self._said = server.gui.add_html(note("Opening…"))
+        self._status = server.gui.add_html(note("Opening…"))
         self._offers = {which: _Offer(server, which, post) for which in EndRole}
         self._aim.on_click(self._take_aim)
 
@@ -45,15 +45,15 @@ class EndsPanel:
 
     async def _take_aim(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._post(Aim(EndRole(event.target.value)))
+            self._post(AimEnd(EndRole(event.target.value)))
 
     def show(self, session: Session) -> None:
-        """Put the session's numbers into the widgets."""
+        """Copy the session's numbers into the widgets."""
         place = session.place
         for widget in (self._task, self._aim, *(numbers for numbers in self._numbers.values())):
             widget.visible = place is not None
         if place is None:
-            self._said.content = note("Opening…")
+            self._status.content = note("Opening…")
             for offer in self._offers.values():
                 offer.show(None)
             return
@@ -61,41 +61,41 @@ class EndsPanel:
         if self._task.options != (_BY_HAND, *self._tasks):
             self._task.options = (_BY_HAND, *self._tasks)
         self._task.value = next((title for title, name in self._tasks.items() if name == session.task), _BY_HAND)
-        if not session.held or time.monotonic() - self._told_at > _HELD_S:
-            self._told_at = time.monotonic()
+        if not session.held or time.monotonic() - self._updated_at > _HELD_S:
+            self._updated_at = time.monotonic()
             for which, numbers in self._numbers.items():
                 numbers.show(session.outside.get(which) or session.ends.of(which))
-        self._said.content = describe(session)
+        self._status.content = describe(session)
         for which, offer in self._offers.items():
             offer.show(session.offers.get(which))
 
 
 def titles(place: Place) -> dict[str, str]:
-    """What users read of each task of a place to its name: the robot's own first, others with whom they are for."""
+    """Map the label of each task of a place to its name: the robot's own first, others with their robot."""
     own = [task for task in place.tasks if task.robot == place.robot.name]
     others = [task for task in place.tasks if task.robot != place.robot.name]
     return {**{task.name: task.name for task in own}, **{f"{task.name} ({task.robot})": task.name for task in others}}
 
 
 def describe(session: Session) -> str:
-    """What is known of the ends, as HTML."""
+    """Describe the state of the ends as HTML."""
     if session.seeking:
-        return note("Looking for a start and a goal that suit the robot…")
+        return note("Searching for start and goal…")
     if session.aiming is not None:
-        return note(f"Click into the scene where the {session.aiming.value} shall be.")
+        return note(f"Click into the scene to place the {session.aiming.value}.")
     if session.outside:
-        return note("Numbers outside of the place are not taken: put them right, or drag the end.")
+        return note("The typed numbers are outside of the place: correct them, or drag the end.")
     problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
     if problems:
         return warning(" ".join(map(sentence, problems)))
     if len(session.problems) < len(EndRole):
-        return note("Checking whether the robot fits…")
+        return note("Checking that the robot fits…")
     start, goal = (np.array(session.ends.of(which).position) for which in EndRole)
     return fine(f"The robot fits at both ends, {np.linalg.norm(goal - start):.2f} m apart.")
 
 
 class _Offer:
-    """A button that moves an end to where the robot fits; hidden while it fits."""
+    """Button that moves an end to the nearest free pose; hidden while the robot fits."""
 
     def __init__(self, server: viser.ViserServer, which: EndRole, post: Callable[[Command], None]) -> None:
         self._end: End | None = None
@@ -114,7 +114,7 @@ class _Offer:
 
 
 class _EndNumbers:
-    """Position and heading of one end."""
+    """Number fields of one end: position and heading."""
 
     def __init__(self, server: viser.ViserServer, which: EndRole, post: Callable[[Command], None]) -> None:
         self._which, self._post = which, post
@@ -122,7 +122,7 @@ class _EndNumbers:
         self._position = server.gui.add_vector3(
             f"{name} [m]", (0.0, 0.0, 0.0), step=0.01, hint=f"x, y, z of the {which.value} in the world"
         )
-        self._yaw = server.gui.add_number(f"{name} yaw [°]", 0.0, step=1.0, hint="Heading; 0 looks along x")
+        self._yaw = server.gui.add_number(f"{name} yaw [°]", 0.0, step=1.0, hint="Heading; 0 points along x")
         self._position.on_update(self._changed)
         self._yaw.on_update(self._changed)
 
@@ -134,7 +134,7 @@ class _EndNumbers:
 
     @property
     def visible(self) -> bool:
-        """Whether the numbers are shown."""
+        """Visibility of the numbers."""
         return self._position.visible
 
     @visible.setter

@@ -1,9 +1,8 @@
 """Plan panel: the planner and its settings, the numbers of the plan, and its charts.
 
-The settings have one widget for each number: how long plans take and what they weigh. The charts show the cost by
-term over the iterations, and clearance and risk over time. Plans in words and numbers are HTML.
+The settings have one widget for each number: duration, accepted risk and weights. The charts show the cost by term
+over the iterations, and clearance and risk over time.
 """
-
 
 import math
 from collections.abc import Callable
@@ -16,87 +15,88 @@ import viser
 from nerfnav.field import UnknownSpace
 from nerfnav.planner import FLYABLE, PLANNERS, CostWeights, PlanOutcome
 from nerfnav_app.jobs.events import PlannerResult
-from nerfnav_app.page.kit.chart import Chart
-from nerfnav_app.page.kit.html import legend, note, table, warning
+from nerfnav_app.page.kit.chart import Chart, time_shown
+from nerfnav_app.page.kit.html import LegendEntry, legend, note, table, warning
 from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH
 from nerfnav_app.page.kit.widgets import Binder, ChoiceList
-from nerfnav_app.page.panels.flight.flight_charts import time_shown
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.state.actions import Command, Settings, StartComparison
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import NO_TRAJECTORY, CostHistory, PlanRecord
+from nerfnav_app.state.plan import NO_TRAJECTORY, CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import capital, number
 
-_IN_WORDS = {
-    PlanOutcome.CONVERGED: "The plan cannot be improved any more.",
-    PlanOutcome.ITERATION_LIMIT: "The plan could still be improved.",
-    PlanOutcome.NO_PATH: "No way from start to goal was found: move one of them.",
-    PlanOutcome.TIME_LIMIT: "No way was found in time: allow more time, or move start or goal.",
-    PlanOutcome.IN_COLLISION: "The robot would hit something: move start or goal, or take a smaller robot.",
-    PlanOutcome.OVER_LIMITS: "The robot cannot do what this plan asks of it: allow more time.",
-    PlanOutcome.TOO_RISKY: "The risk of a hit stays above what you accept: accept more, or move start or goal.",
-    PlanOutcome.LIKELY_COLLISION: "The robot is likely to hit something: keep start and goal away from walls and from "
-    "what no photograph shows, or take a smaller robot.",
-    PlanOutcome.TOUCHES_MESH: "The robot would touch the true surface, which the field does not show well enough: "
-    "train it longer, or move start or goal.",
-    PlanOutcome.DIVERGED: "The search for a plan failed: allow more time, or restore the weights.",
+_OUTCOMES = {
+    PlanOutcome.CONVERGED: "The optimisation has converged.",
+    PlanOutcome.ITERATION_LIMIT: "The optimisation stopped at its iteration limit.",
+    PlanOutcome.NO_PATH: "No path from start to goal was found: move one of them.",
+    PlanOutcome.TIME_LIMIT: "No path was found in time: allow more time, or move start or goal.",
+    PlanOutcome.IN_COLLISION: "The robot would hit something: move start or goal, or select a smaller robot.",
+    PlanOutcome.OVER_LIMITS: "The plan exceeds the robot's limits: allow more time.",
+    PlanOutcome.TOO_RISKY: "The collision risk exceeds the accepted one: accept more, or move start or goal.",
+    PlanOutcome.LIKELY_COLLISION: "The robot will probably collide: move start and goal away from walls and unseen "
+    "space, or select a smaller robot.",
+    PlanOutcome.TOUCHES_MESH: "The robot would touch the true surface, which the field misses: train the field "
+    "longer, or move start or goal.",
+    PlanOutcome.DIVERGED: "The optimisation diverged: allow more time, or restore the weights.",
 }
 
 
-def outcome_in_words(outcome: PlanOutcome) -> str:
-    """How planning ended, and what helps, in plain words."""
-    return _IN_WORDS[outcome]
+_NO_PLAN = "No plan yet. Press Plan trajectory: its cost is shown here."
+
+
+def describe_outcome(outcome: PlanOutcome) -> str:
+    """Describe the outcome of planning, and the remedy."""
+    return _OUTCOMES[outcome]
 
 
 def duration_of(plan: PlanRecord) -> float:
-    """How long a plan takes [s]."""
-    assert plan.latest is not None, "only plans with iterations take any time"
+    """Compute the duration of a plan [s]."""
+    assert plan.latest is not None, "only plans with iterations have a duration"
     return len(plan.latest.motion.actions) * plan.latest.motion.dt
 
 
 def percent(share: float) -> str:
-    """An upper bound of a probability as a person reads it, rounded up."""
+    """Format an upper bound of a probability, rounded up."""
     tenths = math.ceil(1000 * share - 1e-6)
     return f"{tenths / 10:g} %" if tenths < 100 else f"{math.ceil(100 * share - 1e-6)} %"
 
 
-def compared(comparison: tuple[PlannerResult, ...]) -> str:
-    """The numbers of several planners, as HTML."""
-    rows = [("planner", "collision · effort · overlap [cm³] · time [s]")]
+def describe_comparison(comparison: tuple[PlannerResult, ...]) -> str:
+    """Format the results of several planners as HTML."""
+    rows = [("planner", "collision · control · overlap [cm³] · time [s]")]
     for result in comparison:
         if result.motion is None:
             rows.append((result.planner, result.complaint))
             continue
         cost, overlap = result.summary["cost"], result.summary["mesh_overlap_m3"]
-        told = "–" if overlap is None else f"{1e6 * overlap:.1f}"
-        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {result.summary['wall_s']:.3g}"
+        volume = "–" if overlap is None else f"{1e6 * overlap:.1f}"
+        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {volume} · {result.summary['wall_s']:.3g}"
         rows.append((result.planner, numbers))
     found = [result.planner for result in comparison if result.motion is not None]
-    lines = legend((PLANNERS[name].color, name) for name in found)
+    lines = legend(LegendEntry(PLANNERS[name].color, name) for name in found)
     return table(rows) + lines
 
 
 def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
-    """The numbers of a plan, as HTML."""
+    """Format the numbers of a plan as HTML."""
     if plan is None or plan.latest is None:
-        none = "No plan yet: press Plan the way, and its cost shows here."
-        return note("Looking for a free way…" if planning else none)
+        return note("Searching for a free path…" if planning else _NO_PLAN)
     cost = plan.latest.cost
     rows = [
         ("Iteration", _iteration(plan)),
         ("Cost: collision", number(cost.collision, ""), "Sum over time of density × distance travelled (Eq. 2)"),
-        ("Cost: effort", number(cost.control, ""), "Control effort: sum of u' Γ u (Eq. 2)"),
-        ("Cost: all", number(cost.total, ""), "J"),
+        ("Cost: control", number(cost.control, ""), "Control effort: sum of u' Γ u (Eq. 2)"),
+        ("Cost: total", number(cost.total, ""), "J"),
         *_judgement(plan),
     ]
-    # what is wrong with a plan is said once, in the status line
-    words = outcome_in_words(plan.outcome) if plan.outcome in FLYABLE and plan.outcome is not None else ""
+    # the status line has the fault of an unsafe plan
+    outcome = describe_outcome(plan.outcome) if plan.outcome in FLYABLE and plan.outcome is not None else ""
     if plan.outcome is None and not planning:
-        words = "Stopped before it was done."
-    remark = warning("Something was changed since: this is the earlier plan.") if stale else ""
-    return table(rows) + (note(words) if words else "") + remark
+        outcome = "Stopped before it was finished."
+    remark = warning("Ends or settings have changed since this plan.") if stale else ""
+    return table(rows) + (note(outcome) if outcome else "") + remark
 
 
 def _iteration(plan: PlanRecord) -> str:
@@ -104,7 +104,7 @@ def _iteration(plan: PlanRecord) -> str:
     assert shown is not None and latest is not None, "only plans with iterations are described"
     if plan.replayed is None:
         return f"{latest.iteration + 1}"
-    return f"{shown.iteration + 1} of {latest.iteration + 1}, shown again slowly"
+    return f"{shown.iteration + 1} of {latest.iteration + 1}, replay"
 
 
 def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
@@ -113,23 +113,23 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
         rows.append(("Computed in", number(summary["wall_s"], "s")))
     if summary.get("collision_probability_bound") is not None:
         risk, term = percent(summary["collision_probability_bound"]), "Upper bound of the collision probability (Eq. 1)"
-        rows.append(("Risk of a hit, at most", risk, term))
+        rows.append(("Collision risk, at most", risk, term))
     if summary.get("mesh_overlap_m3") is not None:
         overlap = number(1e6 * summary["mesh_overlap_m3"], "cm³")
-        rows.append(("Overlap with the true surface", overlap, "Largest volume that body and ground-truth mesh share"))
+        rows.append(("Overlap with the true mesh", overlap, "Largest volume that body and ground-truth mesh share"))
     if summary.get("max_thrust_n") is not None:
-        rows.append(("Largest thrust", number(summary["max_thrust_n"], "N")))
+        rows.append(("Peak thrust", number(summary["max_thrust_n"], "N")))
     if summary.get("duration_s") is not None:
         rows.append(("Duration", number(summary["duration_s"], "s")))
     if summary.get("safety", {}).get("min_clearance_m") is not None:
-        rows.append(("Least clearance", number(100 * summary["safety"]["min_clearance_m"], "cm")))
+        rows.append(("Minimum clearance", number(100 * summary["safety"]["min_clearance_m"], "cm")))
     for name, use in summary.get("limits", {}).items():
         rows.append((capital(name.replace("_", " ")), _used(use)))
     return rows
 
 
 def _used(use: dict[str, Any]) -> str:
-    """How much of a limit is used; angles in degrees."""
+    """Format the used part of a limit; angles in degrees."""
     scale, unit = (math.degrees(1), use["unit"].replace("rad", "°")) if "rad" in use["unit"] else (1.0, use["unit"])
     least, most = (round(scale * use[end], 3) for end in ("least", "most"))
     parts = [f"{number(least, '')} to {number(most, unit)}"]
@@ -139,7 +139,7 @@ def _used(use: dict[str, Any]) -> str:
 
 
 def summarize_plan(plan: PlanRecord) -> str:
-    """How good a plan is, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
+    """Summarize a plan, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
     parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
     if safety.get("min_clearance_m") is not None:
         parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
@@ -149,33 +149,36 @@ def summarize_plan(plan: PlanRecord) -> str:
 
 
 def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
-    """Why a plan is not to be flown, and what helps."""
+    """Explain why a plan is not to be flown, and name the remedy."""
     assert plan.outcome is not None, "only a plan that has ended is unsafe"
     if plan.outcome is PlanOutcome.OVER_LIMITS:
         seconds = MoreTimeQuery.seconds_for(plan, session)
-        helps = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
-        return f"Too fast for {duration_of(plan):.1f} s: {helps}."
+        remedy = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
+        return f"Too fast for {duration_of(plan):.1f} s: {remedy}."
     if plan.settings.weights != CostWeights() and plan.outcome not in NO_TRAJECTORY:
-        return f"{outcome_in_words(plan.outcome).split(':')[0]}, with these weights: restore them."
-    return outcome_in_words(plan.outcome)
+        return f"{describe_outcome(plan.outcome).split(':')[0]}, with these weights: restore them."
+    return describe_outcome(plan.outcome)
 
 
-_LEAST_COST = 1e-3  # of what the logarithmic axis shows
-_TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
+_LEAST_COST = 1e-3  # lower end of the logarithmic axis
+_TERMS = (
+    LegendEntry((235, 237, 243), "total"), LegendEntry(TRUTH, "control"), LegendEntry(HIT, "collision"),
+    LegendEntry(STALE, "limits"),
+)  # fmt: skip
 
 
 class PlanCharts:
-    """Hidden while there is nothing to draw."""
+    """Charts of a plan, hidden while there is nothing to draw."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Put the charts up below what is there."""
+        """Add the charts to the panel."""
         self._cost = Chart(server, "iteration", _TERMS, logarithmic=True)
-        self._room = Chart(server, "time [s]", ((START, "clearance [cm]"),))
-        self._risk = Chart(server, "time [s]", ((HIT, "risk of a hit in a step, at most [%]"),))
+        self._clearance = Chart(server, "time [s]", (LegendEntry(START, "clearance [cm]"),))
+        self._risk = Chart(server, "time [s]", (LegendEntry(HIT, "collision risk of a step, at most [%]"),))
         self._history: CostHistory | None = None
 
     def show(self, session: Session) -> None:
-        """Draw the plan of the session; one that follows a hand is drawn once the hand lets go."""
+        """Draw the plan of the session; one that follows a drag is drawn once the drag ends."""
         if session.held:
             return
         history = session.plan.history if session.plan is not None else CostHistory()
@@ -185,12 +188,12 @@ class PlanCharts:
         known = ClearanceQuery.rows_of(session.plan, session)
         rows = np.zeros((3, 0)) if known is None else known
         at = time_shown(session)
-        self._room.show(rows[[0, 1]], at)
+        self._clearance.show(rows[[0, 1]], at)
         self._risk.show(rows[[0, 2]], at)
 
 
 def chart_data(history: CostHistory) -> np.ndarray:
-    """Rows: iterations, then total, control, collision and limits at each; floored for the logarithmic axis."""
+    """Build rows: iterations, then total, control, collision and limits at each; floored for the logarithmic axis."""
     terms = [(cost.total, cost.control, cost.collision, cost.limits) for cost in history.costs]
     rows = np.maximum(np.array(terms, dtype=np.float64).reshape(-1, 4), _LEAST_COST).T
     return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])
@@ -200,20 +203,20 @@ _UNITS = {"outside": "1/m²", "margin": "m", "risk": "J"}
 
 
 class PlanSettingsWidgets:
-    """The widgets of `PlanSettings`; those of the weights are made from the record's own fields."""
+    """Widgets of `PlanSettings`; those of the weights follow the fields of their record."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         gui = server.gui
         self._duration = gui.add_number("Duration [s]", 2.0, step=0.1, hint="From start to goal, rest to rest")
         self._shortest = gui.add_checkbox(
-            "Find the shortest duration", False, hint="Minimum time: the least in which the robot keeps its limits"
+            "Find the shortest duration", False, hint="Minimum time within the robot's limits"
         )
         self._accepted = gui.add_number(
-            "Accepted risk [%]", 100.0, step=0.1, hint="Largest bound on the probability of a collision; 100: any"
+            "Accepted risk [%]", 100.0, step=0.1, hint="Largest accepted bound on the collision probability; 100: any"
         )
         self._free = gui.add_checkbox(
-            "Unseen space is free", False, hint="Plan through what no photograph shows; else it is taken for solid"
+            "Unseen space is free", False, hint="Plan through space that no photograph shows; else it counts as solid"
         )
         bind, weigh = Binder(Settings.PLAN, post), Binder(Settings.WEIGHTS, post)
         bind(self._duration, "duration_s", float)
@@ -229,7 +232,7 @@ class PlanSettingsWidgets:
                 weigh(widget, part.name, type(getattr(CostWeights(), part.name)))
 
     def show(self, session: Session) -> None:
-        """Put the session's settings into the widgets."""
+        """Copy the session's settings into the widgets."""
         settings = session.plan_settings
         self._duration.value, self._shortest.value = settings.duration_s, settings.shortest
         accepted = settings.max_collision
@@ -240,16 +243,16 @@ class PlanSettingsWidgets:
 
 
 class PlanPanel:
-    """The planner, the cost by term over the iterations, and the numbers of the plan."""
+    """Panel of the plan: planner, settings, numbers and charts."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
-        self._planner = ChoiceList(server, "planner", PLANNERS, "How the trajectory is found", post)
+        """Add the widgets; `post` takes the commands."""
+        self._planner = ChoiceList(server, "planner", PLANNERS, "Planner of the trajectory", post)
         self._compare = server.gui.add_button(
             "Compare planners", color="gray", icon=viser.Icon.SCALE, disabled=True,
-            hint="Fast, minimum snap, RRT, then the paper's: between the same ends",
+            hint="Plan between the same ends with fast, minsnap, rrt and paper",
         )  # fmt: skip
-        self._numbers = server.gui.add_html(note("No plan yet: press Plan the way, and its cost shows here."))
+        self._numbers = server.gui.add_html(note(_NO_PLAN))
         self._comparison = server.gui.add_html("", visible=False)
         self._charts = PlanCharts(server)
         self._settings = PlanSettingsWidgets(server, post)
@@ -259,7 +262,7 @@ class PlanPanel:
             post(StartComparison())
 
     def show(self, session: Session) -> None:
-        """Show the plan as far as it is."""
+        """Show the plan as far as it is computed."""
         self._planner.show(session)
         self._settings.show(session)
         planning = session.job is not None and session.job.kind in (JobKind.PLAN, JobKind.COMPARE)
@@ -267,5 +270,5 @@ class PlanPanel:
         self._numbers.content = describe(session.plan, session.plan_is_stale, planning)
         self._comparison.visible = bool(session.comparison)
         if session.comparison:
-            self._comparison.content = compared(session.comparison)
+            self._comparison.content = describe_comparison(session.comparison)
         self._charts.show(session)

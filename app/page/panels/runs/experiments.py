@@ -8,7 +8,7 @@ import viser
 from nerfnav_app.page.kit.html import heading, note, table
 from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
 from nerfnav_app.state.actions import Command
-from nerfnav_app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
+from nerfnav_app.state.runs import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.experiment_store import ExperimentResult
 from nerfnav_app.text import capital
@@ -19,33 +19,35 @@ _BLANK = np.full((2, 2, 3), 24, np.uint8)
 
 
 class ExperimentsPanel:
-    """A list of experiments, a button, the numbers and figures."""
+    """Panel of the experiments: a list, a button, numbers and figures."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         gui = server.gui
         self._post, self._shown, self._listed = post, None, False
-        gui.add_html(note("Many flights or plans, judged on the ground truth, summed up in numbers and figures."))
+        gui.add_html(note("Series of flights or plans, evaluated on the ground truth, with numbers and figures."))
         self._names: viser.GuiDropdownHandle[str] = gui.add_dropdown("Experiment", list[str]([_NONE]))
         self._purpose = gui.add_html("")
-        self._count = gui.add_number("Trials", 4, min=1, max=MOST_TRIALS, step=1, hint="More are surer, and slower")
+        self._count = gui.add_number(
+            "Trials", 4, min=1, max=MOST_TRIALS, step=1, hint="More trials are more significant, and slower"
+        )
         self._run = gui.add_button("Run the experiment", icon=viser.Icon.FLASK, disabled=True)
-        self._earlier: viser.GuiDropdownHandle[str] = gui.add_dropdown(
-            "Results", list[str]([_NONE]), hint="Of earlier experiments, the newest first"
+        self._results: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+            "Results", list[str]([_NONE]), hint="Of earlier experiments, newest first"
         )
         self._figures = [gui.add_image(_BLANK, visible=False) for _ in range(_FIGURES)]
         self._numbers = gui.add_html("")
         self._session: Session | None = None
         self._names.on_update(self._describe)
-        self._earlier.on_update(self._choose)
+        self._results.on_update(self._choose)
 
         @self._run.on_click
         async def _(_: viser.GuiEvent) -> None:
             self._post(StartExperiment(self._names.value, int(self._count.value)))
 
     async def _choose(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._earlier.value != _NONE:
-            self._post(ShowResult(self._earlier.value))
+        if event.client is not None and self._results.value != _NONE:
+            self._post(ShowResult(self._results.value))
 
     async def _describe(self, event: viser.GuiEvent) -> None:
         if self._session is not None:
@@ -56,7 +58,7 @@ class ExperimentsPanel:
         return note(capital(purpose))
 
     def show(self, session: Session) -> None:
-        """Show what there is."""
+        """Show the experiments and the selected result."""
         self._session = session
         if session.place is not None and session.job is None and not self._listed:
             self._listed = True
@@ -65,15 +67,15 @@ class ExperimentsPanel:
         self._run.disabled = not there.names or not session.may_begin
         _offer(self._names, there.names)
         self._purpose.content = self._purpose_of(session)
-        _offer(self._earlier, there.earlier)
+        _offer(self._results, there.earlier)
         result = there.result
-        if result is not None and self._earlier.value != result.name:
-            self._earlier.value = result.name
+        if result is not None and self._results.value != result.name:
+            self._results.value = result.name
         if result is not self._shown:
             self._shown = result
             self._draw(result)
         if result is None:
-            self._numbers.content = note("Its numbers and figures appear here, and stay in the list of results.")
+            self._numbers.content = note("Numbers and figures appear here, and stay in the list of results.")
 
     def _draw(self, result: ExperimentResult | None) -> None:
         figures = result.figures if result is not None else ()
@@ -86,11 +88,11 @@ class ExperimentsPanel:
 
 
 def _offer(widget: viser.GuiDropdownHandle[str], names: tuple[str, ...]) -> None:
-    """Let `names` be the options."""
+    """Set the options of a list, or a placeholder without any."""
     if widget.options != (names or (_NONE,)):
         widget.options = names or (_NONE,)
 
 
 def _known(session: Session) -> Experiments:
-    """What there is; nothing, as long as that is not known."""
+    """Read the known experiments; none until they are listed."""
     return ExperimentsQuery.result_in(session) or Experiments()

@@ -8,35 +8,35 @@ import viser
 from nerfnav.core.errors import NerfnavError
 from nerfnav.export import FORMATS, ExportFormat, explain_unsafe
 from nerfnav_app.page.kit.html import note
-from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.actions import Command, Notify
 from nerfnav_app.state.export_subject import find_outcome, make_recording, name_download, name_subject
-from nerfnav_app.state.job import TakeTrajectory, TrajectoryDownload
+from nerfnav_app.state.job import TrajectoryDownload
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import sentence
 
 
 class ExportPanel:
-    """Downloads of the last flight, or of the plan where nothing was flown."""
+    """Panel that exports the last flight, or the plan where nothing was flown."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._post = post
         self._session: Session | None = None
-        self._said = server.gui.add_html(note("Nothing to take away yet: plan or fly first."))
+        self._subject = server.gui.add_html(note("Nothing to export yet: plan or fly first."))
         self._format: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Format", list(FORMATS), visible=False)
         self._purpose = server.gui.add_html("", visible=False)
-        self._force = server.gui.add_checkbox("Export it all the same", False, visible=False)
+        self._force = server.gui.add_checkbox("Export anyway", False, visible=False)
         self._download = server.gui.add_button("Download", icon=viser.Icon.DOWNLOAD, visible=False)
-        self._format.on_update(self._explain)
+        self._format.on_update(self._select)
         self._download.on_click(self._send)
 
     def show(self, session: Session) -> None:
-        """Say what there is to take away."""
+        """Show the subject of the export and the formats for it."""
         self._session = session
         name = name_subject(session)
         for handle in (self._format, self._purpose, self._download):
             handle.visible = name is not None
-        self._said.content = note(f"The {name}, as" if name else "Nothing to take away yet: plan or fly first.")
+        self._subject.content = note(f"Export the {name} as" if name else "Nothing to export yet: plan or fly first.")
         names = tuple(formats_for(name))
         if self._format.options != names:
             before = self._format.value
@@ -44,7 +44,7 @@ class ExportPanel:
             self._format.value = before if before in names else names[0]
         self._describe()
 
-    async def _explain(self, event: viser.GuiEvent[Any]) -> None:
+    async def _select(self, event: viser.GuiEvent[Any]) -> None:
         self._describe()
 
     def _describe(self) -> None:
@@ -57,30 +57,30 @@ class ExportPanel:
             self._force.value = False
 
     def _send(self, event: viser.GuiEvent[Any]) -> None:
-        """Send the file to the tab that asked; runs on a thread of the server's pool."""
+        """Send the file to the tab that requests it; runs on a thread of the server's pool."""
         session, name = self._session, self._format.value
         if event.client is None or session is None:
             return
         made, form = make_recording(session), FORMATS[name]
         if made is None:
-            self._post(Tell("Nothing to take away", "Plan or fly first.", bad=True))
+            self._post(Notify("Nothing to export", "Plan or fly first.", bad=True))
             return
         why = explain_unsafe(find_outcome(session), form)
         if why and not self._force.value:
-            self._post(Tell("Not exported", f"{sentence(why)} Tick what is below the format to have it.", bad=True))
+            self._post(Notify("Not exported", f"{sentence(why)} Tick Export anyway to download it.", bad=True))
             return
-        if form.moves_vehicle:  # what a vehicle is to fly is judged on the field first, by the worker
-            self._post(TakeTrajectory(TrajectoryDownload(name, event.client.client_id, self._force.value)))
+        if form.moves_vehicle:  # the worker first checks trajectories of vehicles in the field
+            self._post(TrajectoryDownload(name, event.client.client_id, self._force.value))
             return
         try:
             content = form.exported(made, self._force.value).content
         except NerfnavError as error:
-            self._post(Tell("Not exported", sentence(str(error)), bad=True))
+            self._post(Notify("Not exported", sentence(str(error)), bad=True))
             return
         event.client.send_file_download(name_download(session, name), content, save_immediately=True)
 
 
 def formats_for(subject: str | None) -> dict[str, ExportFormat]:
-    """The formats of a flight, or of a plan; a page knows of no place on Earth."""
+    """Select the formats of a flight or a plan, without those that need a place on Earth."""
     fitting = {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
     return {name: form for name, form in fitting.items() if not form.needs_datum}

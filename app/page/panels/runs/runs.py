@@ -1,8 +1,4 @@
-"""Runs panel: open, compare, rename and delete stored flights.
-
-Stored flights in words and numbers are HTML.
-"""
-
+"""Runs panel: open, compare, rename and delete stored flights."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +6,7 @@ from typing import Any
 
 import viser
 
-from nerfnav_app.page.kit.html import columns, legend, note, table
+from nerfnav_app.page.kit.html import LegendEntry, columns, legend, note, table
 from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
 from nerfnav_app.page.kit.widgets import confirm_deletion, format_name
 from nerfnav_app.state.actions import Command
@@ -21,30 +17,30 @@ from nerfnav_app.text import number
 
 
 def describe(entry: StoredRun) -> str:
-    """What is known of a flight, as HTML."""
+    """Format the facts of a flight as HTML."""
     about = entry.metadata
     rows = [
         ("Place", about.place),
-        ("Task", about.task or "ends put down by hand"),
+        ("Task", about.task or "custom start and goal"),
         ("Robot", format_name(about.robot)),
         ("Planner, estimator", f"{about.planner}, {'none (open loop)' if about.open_loop else about.estimator}"),
         ("Seed", str(about.seed)),
-        ("Took off (UTC)", about.date[:19].replace("T", " ")),
+        ("Take-off (UTC)", about.date[:19].replace("T", " ")),
         ("Outcome", entry.outcome),
         ("Time steps", f"{entry.steps}, each {about.dt:g} s"),
     ]
-    return table([*rows, *numbers_of(about.metrics)])
+    return table([*rows, *list_numbers(about.metrics)])
 
 
-def numbers_of(metrics: dict[str, Any]) -> list[tuple[str, str]]:
-    """What people compare of a flight's metrics, with units; what is not known is left out."""
+def list_numbers(metrics: dict[str, Any]) -> list[tuple[str, str]]:
+    """Select the metrics of a flight for comparison, with units; unknown ones are left out."""
     estimation, timing = metrics.get("estimation") or {}, metrics.get("timing_ms") or {}
     known = (
-        ("Missed the goal by", metrics.get("final_position_error_m"), 100, "cm"),
-        ("Time steps in contact", metrics.get("mesh_collision_steps"), 1, ""),
+        ("Distance from the goal", metrics.get("final_position_error_m"), 100, "cm"),
+        ("Steps in collision", metrics.get("mesh_collision_steps"), 1, ""),
         ("Position RMSE", estimation.get("position_rmse_m"), 100, "cm"),
         ("Attitude RMSE", estimation.get("rotation_rmse_rad"), 57.2958, "°"),
-        ("Squared error against expectation (12 is right)", estimation.get("nees_mean"), 1, ""),
+        ("Mean NEES (12 is consistent)", estimation.get("nees_mean"), 1, ""),
         ("Filter, median", timing.get("filter_p50"), 1, "ms"),
         ("Replanning, median", timing.get("replan_p50"), 1, "ms"),
     )
@@ -52,11 +48,11 @@ def numbers_of(metrics: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def comparison(first: str, metrics: dict[str, Any], second: str, others: dict[str, Any]) -> str:
-    """The numbers of two flights side by side, as HTML."""
-    left, right = dict(numbers_of(metrics)), dict(numbers_of(others))
-    names = [name for name, _ in numbers_of(metrics | others)]
+    """Format the numbers of two flights side by side as HTML."""
+    left, right = dict(list_numbers(metrics)), dict(list_numbers(others))
+    names = [name for name, _ in list_numbers(metrics | others)]
     rows = [(name, left.get(name, "–"), right.get(name, "–")) for name in names]
-    entries = ((OTHER_TRUTH, "path of the second"), (OTHER_PLAN, "plan of the second"))
+    entries = (LegendEntry(OTHER_TRUTH, "path of the second"), LegendEntry(OTHER_PLAN, "plan of the second"))
     titles = note(f"First: {first}. Second: {second}.")
     return titles + legend(entries) + columns(("", "first", "second"), rows)
 
@@ -65,17 +61,17 @@ _NONE = "(no flights yet)"
 
 
 class RunsPanel:
-    """A list, what is known of the chosen flight, and what can be done with it."""
+    """Panel of the stored flights: a list, the selected flight, and buttons for it."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._post = post
         self._session: Session | None = None
         self._renamed: dict[str, str] = {}
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            "Flight", [_NONE], hint="Every flight is kept, step by step as it is flown"
+            "Flight", [_NONE], hint="Every flight is stored, step by step"
         )
-        self._about = server.gui.add_html(note("Flights are kept here: fly one."))
+        self._about = server.gui.add_html(note("No flights yet. Press Fly: each flight is stored here."))
         self._actions = server.gui.add_button_group("Show", ("Open", "Compare"), visible=False)
         self._name = server.gui.add_text("New name", "", visible=False)
         self._change = server.gui.add_button_group("Change", ("Rename", "Delete"), visible=False)
@@ -83,7 +79,7 @@ class RunsPanel:
         self._alone = server.gui.add_button("End comparison", color="gray", icon=viser.Icon.X, visible=False)
         self._list.on_update(self._choose)
         self._actions.on_click(self._act)
-        self._change.on_click(self._alter)
+        self._change.on_click(self._change_run)
 
         @self._alone.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -91,7 +87,7 @@ class RunsPanel:
 
     @property
     def _chosen(self) -> StoredRun | None:
-        """The flight that is chosen; a page can send any name."""
+        """The selected flight; a page can send any name."""
         return None if self._session is None else self._session.runs.entry(str(self._list.value))
 
     async def _choose(self, event: viser.GuiEvent[Any]) -> None:
@@ -104,7 +100,7 @@ class RunsPanel:
         if entry is not None and word in ("Open", "Compare"):
             self._post(OpenRun(entry.name) if word == "Open" else CompareRun(entry.name))
 
-    async def _alter(self, event: viser.GuiEvent[Any]) -> None:
+    async def _change_run(self, event: viser.GuiEvent[Any]) -> None:
         entry, word = self._chosen, event.target.value
         if entry is None or event.client is None:
             return
@@ -127,7 +123,9 @@ class RunsPanel:
             after = before if before in names else self._renamed.pop(before, before)
             self._list.value = after if after in names else names[0]
         entry = self._chosen
-        self._about.content = describe(entry) if entry is not None else note("Flights are kept here: fly one.")
+        self._about.content = (
+            describe(entry) if entry is not None else note("No flights yet. Press Fly: each flight is stored here.")
+        )
         busy = session.in_flight
         for handle in (self._actions, self._change, self._name):
             handle.visible = entry is not None and not busy

@@ -43,13 +43,13 @@ class Shortcut:
     """One command of the palette."""
 
     label: str
-    """What it is called."""
+    """Its label."""
     asks: Callable[[Session], Command | None]
-    """What it posts now; None where there is nothing to ask for."""
+    """Builds the command; None where it is not possible now."""
     key: Any = None
-    """Its shortcut."""
+    """Key of its shortcut."""
     modifier: Any = None
-    """What is held with the shortcut."""
+    """Modifier of the shortcut."""
     icon: Any = None
     """Beside its label."""
     hint: str | None = None
@@ -57,10 +57,10 @@ class Shortcut:
 
 
 class CommandPalette:
-    """The commands, enabled as the session allows."""
+    """Panel of the command palette: its commands, enabled as the session allows."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._post = post
         self._session: Session | None = None
         self._commands = [(entry, self._add(server, entry)) for entry in entries()]
@@ -84,7 +84,7 @@ class CommandPalette:
         return handle
 
     def show(self, session: Session) -> None:
-        """Grey out what cannot be asked for now."""
+        """Disable the commands that are not possible now."""
         self._session = session
         for entry, handle in self._commands:
             disabled = entry.asks(session) is None
@@ -93,25 +93,30 @@ class CommandPalette:
 
 
 def entries() -> Iterator[Shortcut]:
-    """All commands, the frequent ones first."""
+    """List all commands, the frequent ones first."""
     icons = viser.Icon
     yield Shortcut("Plan", _when_free(StartPlan()), "P", icon=icons.ROUTE)
     yield Shortcut("Fly", _when_free(StartFlight()), "F", icon=icons.DRONE)
     yield Shortcut("Pause, resume, play back", _hold, "space", icon=icons.PLAYER_PAUSE)
-    yield Shortcut("A time step back", _look(-1), "pageup", icon=icons.PLAYER_TRACK_PREV)
-    yield Shortcut("A time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT)
+    yield Shortcut("One time step back", _look(-1), "pageup", icon=icons.PLAYER_TRACK_PREV)
+    yield Shortcut("One time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT)
     yield Shortcut("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step")
-    yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
-    yield Shortcut("Put it elsewhere", _when_flying(KidnapRobot()), icon=icons.HAND_GRAB, hint="Kidnapped robot")
+    yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot once")
+    yield Shortcut(
+        "Kidnap the robot",
+        _when_flying(KidnapRobot()),
+        icon=icons.HAND_GRAB,
+        hint="Move it without a report to its filter",
+    )
     yield Shortcut("Find the robot", lambda session: FindRobot() if session.may_find else None, icon=icons.MAP_SEARCH,
-                hint="Look for it everywhere by its last picture alone")  # fmt: skip
+                hint="Global localization by its last picture")  # fmt: skip
     yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
     yield Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
     yield Shortcut("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
     yield Shortcut("Undo", _when_known(Undo(), "past"), "Z", "cmd/ctrl", icons.ARROW_BACK_UP)
     yield Shortcut("Redo", _when_known(Redo(), "future"), "Y", "cmd/ctrl", icons.ARROW_FORWARD_UP)
     for key, mode in enumerate(CameraMode, 1):
-        yield Shortcut(f"See from: {mode.value}", _see(mode), str(key), icon=icons.EYE)
+        yield Shortcut(f"Camera: {mode.value}", _see(mode), str(key), icon=icons.EYE)
     for name in scenes.names():
         yield Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2)
     for name in PLANNERS:
@@ -155,7 +160,7 @@ def _see(mode: CameraMode) -> Callable[[Session], Command | None]:
 
 
 def _may_stop(session: Session) -> bool:
-    """Whether there is a job that can be given up; the first place must be opened."""
+    """Check for a job that can be stopped; the first place must be opened."""
     return session.job is not None and (session.job.kind is not JobKind.OPEN or session.before is not None)
 
 

@@ -1,5 +1,4 @@
-"""Next step: the action that a person most likely wants now, and the button that offers it."""
-
+"""Next step: the most likely command of the user, and the button that offers it."""
 
 from collections.abc import Callable
 
@@ -9,14 +8,14 @@ from nerfnav.planner import CostWeights, PlanOutcome
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import AllowTime, RestoreWeights
+from nerfnav_app.state.plan import AllowTime, RestoreWeights
 from nerfnav_app.state.session import Session
 
-NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
+NEXT = {JobKind.PLAN: "Plan trajectory", JobKind.FLY: "Fly"}
 
 
 def find_remedy(session: Session) -> tuple[Command, str] | None:
-    """What helps against a plan that is not to be flown, and what to call it; None where the page cannot help."""
+    """Find the command that mends an unsafe plan, with its label; None where the page has none."""
     plan = session.unsafe_plan
     if plan is None or session.job is not None:
         return None
@@ -27,7 +26,7 @@ def find_remedy(session: Session) -> tuple[Command, str] | None:
 
 
 def choose_next_step(session: Session) -> tuple[Command, str]:
-    """What a person most likely wants now, and what to call it."""
+    """Choose the most likely command of the user, with its label."""
     if session.job is not None and session.job.kind is not JobKind.OPEN:
         return Cancel(), "Stop now"
     plan = session.unsafe_plan
@@ -37,33 +36,31 @@ def choose_next_step(session: Session) -> tuple[Command, str]:
 
 
 _OFFERS: tuple[type[Command], ...] = (StartPlan, StartFlight, AllowTime, RestoreWeights, Cancel)
-"""All that `choose_next_step` may offer."""
+"""Commands that `choose_next_step` may offer."""
 
 
 class NextButtons:
-    """One button for each thing that may come next, of which one is shown.
+    """Buttons of the possible next commands, of which one is shown.
 
-    A press is under way for a while, longest beside a busy program, and means what its button said: who stops what has
-    just ended must not begin what comes after it.
+    A click takes a while to arrive, and means the label at that time: a click on Stop must not start the next job where
+    the last one has just ended.
     """
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._buttons = {kind: _button(server, kind) for kind in _OFFERS}
         self._wanted: dict[type[Command], Command] = {}
         for kind, button in self._buttons.items():
             self._listen(kind, button, post)
 
-    def _listen(
-        self, kind: type[Command], button: viser.GuiButtonHandle, post: Callable[[Command], None]
-    ) -> None:
+    def _listen(self, kind: type[Command], button: viser.GuiButtonHandle, post: Callable[[Command], None]) -> None:
         @button.on_click
         async def _(_: viser.GuiEvent) -> None:
-            if kind in self._wanted:  # whoever presses what was never shown is no tab of ours
+            if kind in self._wanted:  # a click on a button that was never shown is not from our page
                 post(self._wanted[kind])
 
     def show(self, session: Session, visible: bool) -> None:
-        """Offer what comes next, if anything is to be offered."""
+        """Show the button of the next command, if any."""
         command, label = choose_next_step(session)
         self._wanted[type(command)] = command
         for kind, button in self._buttons.items():
@@ -74,8 +71,8 @@ class NextButtons:
 
 
 def _button(server: viser.ViserServer, kind: type[Command]) -> viser.GuiButtonHandle:
-    """One of them, as it is until a session gives it its words: only the one to plan can be seen, greyed out."""
-    words, first = NEXT[JobKind.PLAN], kind is StartPlan
+    """Add one of them as it is before the first session: only the one to plan is visible, disabled."""
+    label, first = NEXT[JobKind.PLAN], kind is StartPlan
     if kind is Cancel:
-        return server.gui.add_button(words, icon=viser.Icon.PLAYER_STOP, color="gray", visible=False)
-    return server.gui.add_button(words, icon=viser.Icon.PLAYER_PLAY, visible=first, disabled=first)
+        return server.gui.add_button(label, icon=viser.Icon.PLAYER_STOP, color="gray", visible=False)
+    return server.gui.add_button(label, icon=viser.Icon.PLAYER_PLAY, visible=first, disabled=first)

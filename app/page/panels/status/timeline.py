@@ -3,9 +3,9 @@
 Its marks are the events of a flight, each at its time.
 """
 
-
 from bisect import bisect
 from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
 
 import viser
 from viser._messages import GuiSliderMark
@@ -17,13 +17,20 @@ from nerfnav_app.state.runs import PlayBack, Scrub, TimedRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
 
-Mark = tuple[float, str]
 _LETTER, _GAP = 0.028, 0.01
-"""Width of a letter, and what is left free between words, in lengths of the slider."""
+"""Width of a letter, and space between labels, in lengths of the slider."""
+
+
+class Mark(NamedTuple):
+    """Mark of the slider: an event and its time."""
+
+    time: float
+    """[s]"""
+    label: str
 
 
 def list_marks(flight: TimedRecord) -> tuple[Mark, ...]:
-    """Time [s] and word of each event, in the order of time; what goes on is marked where it begins."""
+    """List the events of a flight or a track in the order of time; one that lasts is marked at its beginning."""
     if isinstance(flight, TrackRecord):
         return _marks_of_track(flight)
     steps = flight.steps
@@ -36,27 +43,26 @@ def list_marks(flight: TimedRecord) -> tuple[Mark, ...]:
         "gust": _at(flight.gusts, len(steps)),
         "goal moved": _at(flight.goals_moved, len(steps)),
     }
-    marks = ((steps[index].time, word) for word, told in happened.items() for index in _beginnings(told))
-    return tuple(sorted(marks))
+    return tuple(sorted(Mark(steps[index].time, label) for label, on in happened.items() for index in _beginnings(on)))
 
 
 def space_marks(marks: tuple[Mark, ...], end: float) -> tuple[Mark, ...]:
-    """The marks of a slider from 0 to `end` [s], whose words do not run into one another.
+    """Space the labels of the marks of a slider from 0 to `end` [s].
 
-    Of words that would, that of the earlier event stays; the numbers at both ends give way to words. What loses its
-    word stays as a mark.
+    Of labels that overlap, that of the earlier event stays; the numbers at both ends give way to events. A mark without
+    its label stays as a tick.
     """
     taken: list[tuple[float, float]] = []
-    told = {}
-    for value, word in (*marks, (0.0, "0"), (end, f"{end:g}")):
-        half = 0.5 * (_LETTER * len(word) + _GAP)
-        middle = value / end if end else 0.0
+    labels = {}
+    for time, label in (*marks, Mark(0.0, "0"), Mark(end, f"{end:g}")):
+        half = 0.5 * (_LETTER * len(label) + _GAP)
+        middle = time / end if end else 0.0
         if all(middle + half <= low or middle - half >= high for low, high in taken):
             taken.append((middle - half, middle + half))
-            told[value] = word
+            labels[time] = label
         else:
-            told.setdefault(value, "")
-    return tuple(sorted(told.items()))
+            labels.setdefault(time, "")
+    return tuple(Mark(time, label) for time, label in sorted(labels.items()))
 
 
 def _marks_of_track(track: TrackRecord) -> tuple[Mark, ...]:
@@ -65,7 +71,7 @@ def _marks_of_track(track: TrackRecord) -> tuple[Mark, ...]:
         "lost": [kind is TrackStatus.LOST for kind in status],
         "found": [kind in (TrackStatus.FOUND, TrackStatus.FOUND_AGAIN) for kind in status],
     }
-    return tuple(sorted((times[index], word) for word, told in happened.items() for index in _beginnings(told)))
+    return tuple(sorted(Mark(times[index], label) for label, on in happened.items() for index in _beginnings(on)))
 
 
 def _is_lost(step: NavigationStep) -> bool:
@@ -76,30 +82,30 @@ def _at(indices: Iterable[int], count: int) -> list[bool]:
     return [index in set(indices) for index in range(count)]
 
 
-def _beginnings(told: list[bool]) -> Iterator[int]:
-    return (index for index, now in enumerate(told) if now and not (index and told[index - 1]))
+def _beginnings(on: list[bool]) -> Iterator[int]:
+    return (index for index, now in enumerate(on) if now and not (index and on[index - 1]))
 
 
-_PLAY, _PAUSE = "Play back", "Hold"
+_PLAY, _PAUSE = "Play back", "Pause playback"
 
 
 class TimelinePanel:
-    """A slider over the flight's time and a button that moves it, above the tabs, for they all show that time."""
+    """Panel of the timeline: a slider over the flight's time and a button that plays it, above the tabs."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes what the user asks."""
+        """Add the widgets; `post` takes the commands."""
         self._server, self._post = server, post
         self._slider = server.gui.add_slider(
-            "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Which moment of the flight is shown"
+            "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Time of the flight that is shown"
         )
-        self._button = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
+        self._play = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
         self._flight: TimedRecord | None = None
         self._times: tuple[float, ...] = (0.0,)
         self._asked: int | None = None
         self._playing = False
         self._slider.on_update(self._scrub)
 
-        @self._button.on_click
+        @self._play.on_click
         async def _(_: viser.GuiEvent) -> None:
             post(PlayBack(not self._playing))
 
@@ -110,11 +116,11 @@ class TimelinePanel:
         self._post(Scrub(self._asked))
 
     def show(self, session: Session) -> None:
-        """Show where in time the flight is, and what has happened in it; while it flies, that is its last step."""
+        """Show the time and the events of the flight; while it flies, its last step."""
         flight, shown = session.timed, session.runs.shown(session.timed)
         visible = flight is not None and len(flight.steps) > 1
         self._slider.visible = visible
-        self._button.visible = visible and not session.growing
+        self._play.visible = visible and not session.growing
         if not visible or flight is None or shown is None:
             return
         self._slider.disabled = session.growing
@@ -122,17 +128,17 @@ class TimelinePanel:
             self._flight, self._asked = flight, None
             self._span(flight)
         at = len(shown.steps) - 1
-        # a hand that holds the slider is ahead of the session: it must not be pulled back
+        # a user who drags the slider is ahead of the session: it must not be pulled back
         if self._asked in (None, at) or session.runs.timeline.playing:
             self._asked = None
             self._slider.value = round(self._times[at], 3)
         if self._playing != session.runs.timeline.playing:
             self._playing = session.runs.timeline.playing
-            self._button.label = _PAUSE if self._playing else _PLAY
-            self._button.icon = viser.Icon.PLAYER_PAUSE if self._playing else viser.Icon.PLAYER_PLAY
+            self._play.label = _PAUSE if self._playing else _PLAY
+            self._play.icon = viser.Icon.PLAYER_PAUSE if self._playing else viser.Icon.PLAYER_PLAY
 
     def _span(self, flight: TimedRecord) -> None:
-        """Reach over all of the flight, with a mark at each event."""
+        """Span all of the flight, with a mark at each event."""
         self._times = flight.times
         end = round(self._times[-1], 3)
         marks = space_marks(list_marks(flight), end)
@@ -140,10 +146,10 @@ class TimelinePanel:
             self._slider.step, self._slider.max = flight.tick, end
             self._slider.precision = max(0, len(f"{flight.tick:.6g}".partition(".")[2]))
             # viser takes marks where a slider is made, and has only an inner name for them later
-            self._slider._marks = tuple(GuiSliderMark(value, label or None) for value, label in marks)
+            self._slider._marks = tuple(GuiSliderMark(mark.time, mark.label or None) for mark in marks)
 
 
 def nearest(times: tuple[float, ...], time: float) -> int:
-    """Which of the times, in order, is nearest to another [s]."""
+    """Find the index of the sorted time that is nearest to another [s]."""
     after = bisect(times, time)
     return min(range(max(0, after - 1), min(after + 1, len(times))), key=lambda index: abs(times[index] - time))

@@ -7,9 +7,8 @@ applied to them once: J'WJ = M' (sum w g g') M.
 Where a pose has hardly moved since its rays were last followed from the camera on, they are followed from a little
 before the first density that they met then. A step that is too small to matter is taken without looking again.
 
-`slopes` gives the derivatives alone, before anything is compared: what pixels tell of a camera's motion.
+`slopes` gives the derivatives alone: the information of pixels about the motion of a camera.
 """
-
 
 import math
 
@@ -25,7 +24,7 @@ from nerfnav.estimator.photometric.kernels.levenberg_marquardt import (
 )
 from nerfnav.estimator.photometric.kernels.probe import center, turn
 from nerfnav.field.kernels.pose_descent import ray_scratch, see_ray
-from nerfnav.geometry.kernels.linear import multiply
+from nerfnav.geometry.linear import multiply
 from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product
 
 NEAR = 3.0
@@ -170,7 +169,7 @@ def _evened(trust, rows):
 
 @kernel(inline=True)
 def _moved(grid, rotation, position, anchor):
-    """Whether rays must be followed from the camera, whose pose is then remembered; and how far that moved, turned."""
+    """Return whether rays must be followed from the camera, whose pose is then kept, and how far that moved, turned."""
     moved, swung = 0.0, 0.0
     for axis in range(3):
         moved += (position[axis] - anchor[3, axis]) ** 2

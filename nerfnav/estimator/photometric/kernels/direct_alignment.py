@@ -22,7 +22,7 @@ def align(scene, prior, settings, state):
 
     `scene` is (picture (h, w, 3), points (n, 3) [m], their colours (n, 3), where they showed (n, 2) [pixels] and as
     x / z and y / z (n, 2), lens (n, 2, 2) [pixels], R and p of the mount); `prior` and `settings` as `descend` has
-    them, but that the step that is the last is told in standard deviations; `state` (rotations, positions, exposures,
+    them, but that the bound of the last step is in standard deviations; `state` (rotations, positions, exposures,
     cost, process, residual, change, seen, known, slope), each (2, ...).
     """
     iterations, weight, robust, settled = settings

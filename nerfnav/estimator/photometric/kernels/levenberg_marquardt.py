@@ -3,7 +3,7 @@
 import numpy as np
 
 from nerfnav.core.jit import kernel
-from nerfnav.geometry.kernels.linear import solve_positive
+from nerfnav.geometry.linear import solve_positive
 from nerfnav.robots.kernels.rotations import turned
 
 LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e7

@@ -44,8 +44,8 @@ def test_commands_that_take_fields_name_what_makes_one_of_a_mesh(
     view = tmp_path / "view.png"
     Image.new("RGB", (32, 24)).save(view)
     words = [command[0], str(mesh), *([str(view)] if command[0] == "localize" else []), *command[1:]]
-    told = f"{mesh} is a mesh, and a field is asked for: `nerfnav train {mesh} --out house.npz`"
-    assert told in refused(words, capsys)
+    reported = f"{mesh} is a mesh, and a field is asked for: `nerfnav train {mesh} --out house.npz`"
+    assert reported in refused(words, capsys)
 
 
 def test_training_and_importing_name_each_other(

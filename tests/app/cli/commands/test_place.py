@@ -39,7 +39,7 @@ def test_a_box_is_kept_after_scale(field: str, tmp_path: Path, capsys: pytest.Ca
     ("words", "said"),
     [
         ([], "nothing is to be changed"),
-        (["--measure", "0,0,0", "0,0,0", "1"], "the two measured points are the same"),
+        (["--measure", "0,0,0", "0,0,0", "1"], "the two points are the same"),
         (["--measure", "0,0,0", "1,0,0", "0"], "the distance must be a number above 0"),
         (["--measure", "0,0,0", "1,0"], "measure takes 7 numbers, not 5"),
         (["--floor", "0,0,0", "1,1,1", "2,2,2"], "lie on one line"),

@@ -39,9 +39,9 @@ def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
     root = Path(__file__).parents[4]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root) as process:
         assert process.stdout is not None
-        told = json.loads(process.stdout.readline())
-        assert told == {"url": f"http://127.0.0.1:{port}/", "place": str(field_file)}
-        assert answer(told["url"]) == 200
+        reported = json.loads(process.stdout.readline())
+        assert reported == {"url": f"http://127.0.0.1:{port}/", "place": str(field_file)}
+        assert answer(reported["url"]) == 200
         process.send_signal(ending)
         rest, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, complaint

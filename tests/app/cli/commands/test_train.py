@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav_app.cli.main import main, parse
 from tests.importers.captures.synthetic import changed, write_transforms
 
@@ -30,7 +30,8 @@ def test_up_is_a_direction_or_an_axis() -> None:
 
 def test_two_picked_points_and_a_distance_are_seven_numbers_and_a_box_is_six() -> None:
     words = ["--picked", "0", "0", "-1", "0", "3", "3", "2.5", "--box", "-1", "-1", "0", "1", "1", "2"]
-    assert placement(*words) == Placement(picked=((0, 0, -1), (0, 3, 3), 2.5), box=((-1, -1, 0), (1, 1, 2)))
+    picked = MeasuredDistance((0, 0, -1), (0, 3, 3), 2.5)
+    assert placement(*words) == Placement(picked=picked, box=((-1, -1, 0), (1, 1, 2)))
     assert placement(*words).meters_per_unit == 0.5
 
 
@@ -69,8 +70,8 @@ def test_a_capture_is_trained_from_and_what_was_guessed_is_printed(tmp_path: Pat
     }  # fmt: skip
     assert {"kind", "images_used", "images_skipped", "scale", "up", "box", "guesses"} <= set(printed["source"])
     assert main([*words, "--downscale", "2", "--held-out-every", "3", "--scale", "2"]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "source scale 2" in told and "images held out 3" in told and "from how the cameras were held" in told
+    text = " ".join(capsys.readouterr().out.split())
+    assert "source scale 2" in text and "images held out 3" in text and "from how the cameras were held" in text
 
 
 @pytest.mark.parametrize("name", ["empty.zip", "letter.zip", "empty.json", "letter.json", "cut.zip", "folder", "one"])

@@ -13,7 +13,6 @@ from nerfnav.export import formats
 from nerfnav.export.formats import FORMATS, ExportFormat
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.tables import json_text, motion_table
-from nerfnav.export.tum import poses_of_tum
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field, save_field
@@ -28,6 +27,7 @@ from nerfnav_app.storage.step_log import FILE
 from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
 from tests.export.flights import flown, hover_to_hover
+from tests.export.readers import poses_of_tum
 
 
 def exported(folder: Path, format: str, out: Path) -> dict:
@@ -78,8 +78,8 @@ def test_what_a_vehicle_is_to_fly_is_judged_in_the_field_of_its_plan_as_long_as_
     ends = ["--start", "-0.8", "-0.5", "0.5", "--goal", "0.8", "-0.5", "0.5"]
     assert main(["plan", str(mine), *ends, "--out", str(tmp_path / "plan"), "--json"]) == 0
     capsys.readouterr()
-    told = exported(tmp_path / "plan", "px4", tmp_path / "a.csv")["curve"]
-    assert told["outcome"] == "converged" and told["min_clearance_m"] > 0
+    reported = exported(tmp_path / "plan", "px4", tmp_path / "a.csv")["curve"]
+    assert reported["outcome"] == "converged" and reported["min_clearance_m"] > 0
     blocked = load_field(mine)
     assert isinstance(blocked, VoxelField)
     blocked.values[:, :, :, 0] = 1.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.proof.occupancy_grid import Occupancy
+from nerfnav.field.core.occupancy import Occupancy
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav_app.cli.main import BAD_INPUT, main
@@ -101,9 +101,9 @@ def test_a_map_to_take_away_is_the_file_that_the_command_line_writes(tmp_path: P
     result = result_of(run(FIELD, MapRequest(tmp_path / "column-map.npz")))
     made = taken(".npz")
     assert made.name == "column-map.npz"
-    with np.load(io.BytesIO(made.content)) as told, np.load(result.files[0]) as written:
-        assert told.files == written.files == ["state", "lower", "voxel"]
-        assert all((told[name] == written[name]).all() for name in told.files)
+    with np.load(io.BytesIO(made.content)) as reported, np.load(result.files[0]) as written:
+        assert reported.files == written.files == ["state", "lower", "voxel"]
+        assert all((reported[name] == written[name]).all() for name in reported.files)
 
 
 def test_a_map_of_two_files_is_taken_away_as_one_archive() -> None:

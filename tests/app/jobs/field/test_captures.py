@@ -121,7 +121,7 @@ def test_options_that_mean_nothing_for_a_source_are_refused_and_not_passed_over(
     room = str(write_transforms(tmp_path / "room"))
     for changes, message in (
         ({"mesh": MeshOptions(units="cm")}, "units means nothing for a capture"),
-        ({"photographs": Photographs(count=20)}, "images means nothing for a capture"),
+        ({"photographs": Photographs(images=20)}, "images means nothing for a capture"),
     ):
         with pytest.raises(InvalidInputError, match=message):
             list(run(TrainRequest(room, tmp_path / "f.npz", **changes)))  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def test_an_archive_whose_table_is_broken_is_refused(tmp_path: Path) -> None:
     [
         ({"downscale": 0}, "downscale must be a number above 0"),
         ({"held_out_every": 1}, "at least every second photograph"),
-        ({"count": 3}, "images must be at least 10"),
+        ({"images": 3}, "images must be at least 10"),
     ],
 )
 def test_numbers_that_no_training_can_have_are_refused(entries: dict[str, int], message: str) -> None:

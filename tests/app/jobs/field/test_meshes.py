@@ -134,9 +134,9 @@ def test_the_command_refuses_what_is_no_mesh_in_one_sentence(
     path = tmp_path / "letter.glb"
     path.write_text("Dear reader")
     assert main(["train", str(path), "--out", str(tmp_path / "f.npz")]) == 2
-    told = capsys.readouterr().err
-    assert "is not a .glb file" in told
-    assert "Traceback" not in told
+    reported = capsys.readouterr().err
+    assert "is not a .glb file" in reported
+    assert "Traceback" not in reported
     assert not (tmp_path / "f.npz").exists()
 
 

@@ -8,7 +8,7 @@ import torch
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.config import TrainConfig
-from nerfnav.field.train.loop import TrainStep
+from nerfnav.field.train.progress import TrainStep
 from nerfnav.world.capture import CaptureConfig
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.field.bundled import images_for, iterations_for
@@ -22,7 +22,7 @@ from tests.app.following import followed, result_of
 SMALL = {
     "iterations": 40,
     "voxel": 0.06,
-    "photographs": Photographs(count=10),
+    "photographs": Photographs(images=10),
     "config": TrainConfig(report_every=10),
     "capture": CaptureConfig(width=40, height=40, supersample=1),
 }
@@ -74,8 +74,7 @@ def test_a_training_that_is_asked_to_stop_keeps_what_was_learned(tmp_path: Path)
         event = next(job)
     next(job)  # the progress beside it
     event = job.send(True)
-    assert isinstance(event, TrainStep)
-    assert event.field is not None
+    assert isinstance(event, TrainStep) and event.last
     assert result_of(job).files == (tmp_path / "f.npz",)
     assert load_field(tmp_path / "f.npz").info.iterations < 100
 

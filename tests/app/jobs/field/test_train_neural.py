@@ -17,12 +17,12 @@ def test_a_scene_becomes_a_neural_field(tmp_path: Path, capsys: pytest.CaptureFi
     out = tmp_path / "blocks.npz"
     words = "train blocks --field neural --layers 2 --layer-width 16 --rays 32 --iterations 20 --images 10 --json"
     assert cli.main([*words.split(), "--out", str(out)]) == 0
-    told = json.loads(capsys.readouterr().out)
+    reported = json.loads(capsys.readouterr().out)
     field = load_field(out)
     assert isinstance(field, NeuralField) and field.fine.config.width == 16
     assert field.info.source == "blocks" and field.info.iterations == 20
-    assert told["voxels"] is None and told["psnr_db"] == field.info.psnr_db is not None
-    assert told["file_bytes"] == out.stat().st_size
+    assert reported["voxels"] is None and reported["psnr_db"] == field.info.psnr_db is not None
+    assert reported["file_bytes"] == out.stat().st_size
 
 
 def test_networks_that_cannot_be_are_refused() -> None:

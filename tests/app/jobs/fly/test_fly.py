@@ -7,9 +7,8 @@ import pytest
 import torch
 
 from nerfnav.core.errors import UnknownNameError
-from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
 from nerfnav.navigation.flight import OperatorRequests
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.steps import PlanStep
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult
@@ -96,8 +95,8 @@ def test_a_name_that_is_no_estimator_is_refused(place: Place) -> None:
 def test_a_flight_whose_goal_was_moved_is_filed_under_no_task(place: Place, tmp_path: Path) -> None:
     other = End((0.6, -0.4, 0.5))
     for name, goal, task in (("kept", ENDS.goal, "home"), ("moved", other, None)):
-        orders = OperatorRequests(goal=goal.state())
-        asked = replace(BLIND, task="home", orders=lambda orders=orders: orders, out=tmp_path / name)
+        requests = OperatorRequests(goal=goal.state())
+        asked = replace(BLIND, task="home", operator=lambda requests=requests: requests, out=tmp_path / name)
         flown(run(asked, place))
         about = RunMetadata.load(tmp_path / name)
         assert about.task == task and about.ends == Ends(ENDS.start, goal)

@@ -31,8 +31,8 @@ def write_blender(folder: Path) -> None:
             pixels = torch.cat([views.images[index], opacity.to(torch.uint8)], -1).numpy().astype(np.uint8)
             Image.fromarray(pixels).save(folder / split / f"r_{index}.png")
             frames.append({"file_path": f"./{split}/r_{index}", "transform_matrix": pose.tolist()})
-        told = {"camera_angle_x": math.radians(60), "frames": frames}
-        (folder / f"transforms_{split}.json").write_text(json.dumps(told))
+        reported = {"camera_angle_x": math.radians(60), "frames": frames}
+        (folder / f"transforms_{split}.json").write_text(json.dumps(reported))
 
 
 @pytest.mark.slow

@@ -12,8 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from nerfnav.core.errors import InvalidInputError, MissingExtraError, NerfnavError, UnknownNameError
+from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import panels
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Study, TrialDone
+from nerfnav.experiments.study import ExperimentSteps, Results, Study, TrialDone
 from nerfnav_app.benchmarks.comparison import Comparison
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.measure import bench, experiment
@@ -26,10 +27,10 @@ from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of
 
 
-def counting(study: Study) -> Iterator[ExperimentStep]:
+def counting(study: Study) -> ExperimentSteps:
     yield TrialDone("counting", 1, 2)
     rows = tuple({"task": task.name, "share": 1 / 3, "failed": False} for task in study.tasks[: study.trials])
-    yield Results({"seed": study.seed, "not_a_number": float("nan")}, rows, {"empty": lambda: Figure(figsize=(1, 1))})
+    return Results({"seed": study.seed, "not_a_number": float("nan")}, rows, {"empty": lambda: Figure(figsize=(1, 1))})
 
 
 @pytest.fixture(autouse=True)
@@ -55,8 +56,8 @@ def test_without_a_folder_nothing_is_written() -> None:
 
 
 def test_progress_says_which_trial() -> None:
-    told = [event for event in experiment.run(ExperimentRequest("counting")) if isinstance(event, Progress)]
-    assert told[-1] == Progress("counting, 1 of 2", 0.5)
+    reported = [event for event in experiment.run(ExperimentRequest("counting")) if isinstance(event, Progress)]
+    assert reported[-1] == Progress("counting, 1 of 2", 0.5)
 
 
 @pytest.mark.slow
@@ -126,8 +127,9 @@ def test_a_bench_of_an_unknown_place_is_refused() -> None:
 def test_figures_that_cannot_be_drawn_are_left_out_and_said_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def undrawn(study: Study) -> Iterator[ExperimentStep]:
-        yield Results({"left_out": {"rrt": "it is missing"}}, (), {"empty": lambda: panels(("one",))[0]})
+    def undrawn(study: Study) -> ExperimentSteps:
+        yield from ()
+        return Results({"left_out": {"rrt": "it is missing"}}, (), {"empty": lambda: panels(("one",))[0]})
 
     EXPERIMENTS.unregister("counting")
     experiment_catalog.register(Experiment("counting", undrawn, "counts"))

@@ -11,7 +11,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
-from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav_app.cli import main as cli
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.open import make_field as adopt
@@ -39,9 +39,9 @@ def test_splats_become_a_voxel_field_with_the_splats_beside_it(tmp_path: Path) -
     )
     last = result_of(run(request))
     assert set(last.files) == {tmp_path / "moon.npz", tmp_path / "moon.splats.npz"}
-    told = last.summary["source"]
-    assert (told["declared"], told["splats"], sum(told["dropped"].values())) == (500, 500, 0)
-    assert told["up"] == [0, 0, 1] and told["meters_per_unit"] == 2 and told["guessed"] == ["box"]
+    reported = last.summary["source"]
+    assert (reported["declared"], reported["splats"], sum(reported["dropped"].values())) == (500, 500, 0)
+    assert reported["up"] == [0, 0, 1] and reported["meters_per_unit"] == 2 and reported["guessed"] == ["box"]
     place = open_place(str(tmp_path / "moon.npz"))
     assert isinstance(place.field, VoxelField) and place.scene is None
     assert place.splats is not None and len(place.splats) == 500
@@ -63,9 +63,9 @@ def test_splats_have_their_y_axis_down_where_nobody_says_otherwise(tmp_path: Pat
 def test_a_place_of_absurd_size_is_told_to_be_measured(tmp_path: Path) -> None:
     write_inria(tmp_path / "moon.ply", ball_of_splats(500, 600.0))
     last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=30.0)))
-    told = [guess for guess in last.summary["source"]["guesses"] if "measure something" in guess]
-    assert len(told) == 1 and "would be 1.2 km long" in told[0]
-    picked = ((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
+    reported = [guess for guess in last.summary["source"]["guesses"] if "measure something" in guess]
+    assert len(reported) == 1 and "would be 1.2 km long" in reported[0]
+    picked = MeasuredDistance((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
     placement = Placement(picked=picked)
     last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", voxel=0.1, placement=placement)))
     assert not any("measure something" in guess for guess in last.summary["source"]["guesses"])
@@ -94,15 +94,15 @@ def test_the_command_line_imports_bakes_and_tells(tmp_path: Path, capsys: pytest
     assert cli.main(["import", str(source), "--out", str(net), "--json", "--keep-network", "--box", *corners]) == 0
     assert json.loads(capsys.readouterr().out)["source"]["kind"] == "nerf-pytorch"
     assert cli.main(["info", str(net), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["layers"], told["layer_width"]) == (4, 16)
+    reported = json.loads(capsys.readouterr().out)
+    assert (reported["layers"], reported["layer_width"]) == (4, 16)
     assert cli.main(["bake", str(net), "--out", str(baked), "--voxel", "0.1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["baked_psnr_db"] > 20
     assert isinstance(load_field(baked), VoxelField)
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "reported"),
     [
         ("a.ckpt", b"", "is empty"),
         ("a.splat", b"short", "truncated or no .splat"),
@@ -115,12 +115,12 @@ def test_the_command_line_imports_bakes_and_tells(tmp_path: Path, capsys: pytest
     ],
 )
 def test_what_cannot_be_imported_is_one_sentence_and_leaves_no_file(
-    name: str, content: bytes, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, content: bytes, reported: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / name).write_bytes(content)
     assert cli.main(["import", str(tmp_path / name), "--out", str(tmp_path / "f.npz")]) == cli.BAD_INPUT
     error = capsys.readouterr().err.strip()
-    assert told in error and len(error.splitlines()) == 1
+    assert reported in error and len(error.splitlines()) == 1
     assert not (tmp_path / "f.npz").exists()
 
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator.relocalize.global_localization import RelocaliseStep
+from nerfnav.estimator.relocalize.global_localization import RelocaliseResult, RelocaliseStep
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.field.storage.checkpoint import save_field
@@ -64,7 +64,7 @@ def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
     assert finished.summary["outcome"] == "found"
     assert torch.tensor(finished.summary["position_m"]).sub(truth.position).norm() < 0.02
     assert len(steps[0].weights) > len(steps[-1].weights), "ever fewer places are left"
-    assert steps[-1].outcome is not None
+    assert [event.outcome.name for event in events if isinstance(event, RelocaliseResult)] == ["FOUND"]
     list(find(place, torch.zeros(200, 200, 3, dtype=torch.uint8)))
     assert build_searcher.cache_info().hits >= 1, "the place is looked around in once"
 
@@ -81,26 +81,26 @@ def test_a_calibration_counts_at_each_resolution_of_its_camera(tmp_path: Path) -
     file = tmp_path / "camera.json"
     file.write_text('{"w": 192, "h": 160, "fl_x": 200, "fl_y": 202, "cx": 95, "cy": 81, "k1": -0.1}')
     small = torch.zeros(80, 96, 3, dtype=torch.uint8)
-    camera, told = camera_of(small, GivenCamera(file, fov_deg=20.0))
-    assert camera == Camera(96, 80, 100.0, 101.0, 47.5, 40.5, (-0.1, 0.0, 0.0, 0.0, 0.0)) and "camera.json" in told
+    camera, reported = camera_of(small, GivenCamera(file, fov_deg=20.0))
+    assert camera == Camera(96, 80, 100.0, 101.0, 47.5, 40.5, (-0.1, 0.0, 0.0, 0.0, 0.0)) and "camera.json" in reported
     with pytest.raises(InvalidInputError, match="same proportions"):
         camera_of(torch.zeros(96, 80, 3, dtype=torch.uint8), GivenCamera(file))
 
 
 def test_a_picture_is_taken_for_one_of_the_fields_own_camera_where_nobody_says_otherwise(tmp_path: Path) -> None:
     remembered = Camera(192, 160, 200.0, 202.0, 95.0, 81.0, (-0.1, 0.0, 0.0, 0.0)).numbers
-    camera, told = camera_of(torch.zeros(80, 96, 3, dtype=torch.uint8), GivenCamera(), remembered)
-    assert camera == Camera(96, 80, 100.0, 101.0, 47.5, 40.5, (-0.1, 0.0, 0.0, 0.0)) and "photographs" in told
-    other, told = camera_of(torch.zeros(96, 80, 3, dtype=torch.uint8), GivenCamera(), remembered)
-    assert other == Camera.from_fov(80, 96, 90) and told == "guessed: 90 degrees"
+    camera, reported = camera_of(torch.zeros(80, 96, 3, dtype=torch.uint8), GivenCamera(), remembered)
+    assert camera == Camera(96, 80, 100.0, 101.0, 47.5, 40.5, (-0.1, 0.0, 0.0, 0.0)) and "photographs" in reported
+    other, reported = camera_of(torch.zeros(96, 80, 3, dtype=torch.uint8), GivenCamera(), remembered)
+    assert other == Camera.from_fov(80, 96, 90) and reported == "guessed: 90 degrees"
 
 
 def test_the_focal_length_in_a_pictures_exif_is_a_guess_that_is_told(tmp_path: Path) -> None:
     exif = PIL.Image.Exif()
     exif.get_ifd(PIL.ExifTags.IFD.Exif)[PIL.ExifTags.Base.FocalLengthIn35mmFilm] = 26
     PIL.Image.new("RGB", (96, 80)).save(tmp_path / "a.jpg", exif=exif)
-    camera, told = camera_of(read_image(tmp_path / "a.jpg"), GivenCamera(), path=tmp_path / "a.jpg")
-    assert camera.fx == pytest.approx(26 / 43.27 * (96**2 + 80**2) ** 0.5) and told == "guessed: 26 mm by EXIF"
+    camera, reported = camera_of(read_image(tmp_path / "a.jpg"), GivenCamera(), path=tmp_path / "a.jpg")
+    assert camera.fx == pytest.approx(26 / 43.27 * (96**2 + 80**2) ** 0.5) and reported == "guessed: 26 mm by EXIF"
 
 
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:

@@ -11,11 +11,11 @@ import pytest
 import torch
 
 from nerfnav.export.track import OPENCV
-from nerfnav.export.tum import poses_of_tum
 from nerfnav.field import save_field
 from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav_app.cli.main import main
+from tests.export.readers import poses_of_tum
 from tests.tracking.walks import CAMERA, DT, every, field, pose, walk
 
 PLACED = Similarity(so3.exp(torch.tensor([0.3, -0.2, 0.5]).double()), torch.tensor([1.0, 2.0, 3.0]).double(), 2.0)
@@ -68,8 +68,8 @@ def test_a_folder_becomes_a_trajectory_in_the_captures_own_frame(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source, out = folder(tmp_path / "in", every(8)), tmp_path / "out"
-    told = tracked(place, source, out, capsys)
-    assert (told["frames"], told["updated"], told["lost"], told["found_again"]) == (8, 8, 0, 0)
+    reported = tracked(place, source, out, capsys)
+    assert (reported["frames"], reported["updated"], reported["lost"], reported["found_again"]) == (8, 8, 0, 0)
     moved, turned = largest_errors(out)
     assert moved < 0.02 and turned < 0.02
     rows = list(csv.DictReader((out / "poses.csv").read_text().splitlines()))
@@ -82,8 +82,8 @@ def test_a_video_of_another_size_is_tracked_and_shown(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source, out = film(tmp_path / "film.mp4", 8, CAMERA.scaled(2)), tmp_path / "out"
-    told = tracked(place, source, out, capsys)
-    assert told["frames"] == 8 and told["updated"] == 8
+    reported = tracked(place, source, out, capsys)
+    assert reported["frames"] == 8 and reported["updated"] == 8
     assert largest_errors(out)[0] < 0.04  # an MPEG-4 file loses detail
     reader = cv2.VideoCapture(str(out / "overlay.mp4"))
     assert int(reader.get(cv2.CAP_PROP_FRAME_COUNT)) == 8
@@ -116,8 +116,8 @@ def test_what_cannot_be_tracked_is_one_sentence(
         files = sorted(folder(source, every(2)).iterdir())
         (source / "rgb.txt").write_text(f"1.0 {files[0].name}\n0.5 {files[1].name}\n")
     assert main(["track", str(place), str(source), "--out", str(tmp_path / "out"), "--json"]) == 2
-    told = capsys.readouterr().err.strip()
-    assert complaint in told and "\n" not in told
+    reported = capsys.readouterr().err.strip()
+    assert complaint in reported and "\n" not in reported
 
 
 def test_pictures_whose_shape_changes_end_the_track_and_what_was_tracked_is_kept(
@@ -126,6 +126,6 @@ def test_pictures_whose_shape_changes_end_the_track_and_what_was_tracked_is_kept
     source, out = folder(tmp_path / "in", every(3)), tmp_path / "out"
     cv2.imwrite(str(source / "9.0.png"), walk([1.0], CAMERA.resized(96, 120))[0].picture.numpy())
     assert main(["track", str(place), str(source), "--out", str(out), "--json"]) == 2
-    told = capsys.readouterr().err
-    assert "same proportions" in told and "what was tracked until then" in told
+    reported = capsys.readouterr().err
+    assert "same proportions" in reported and "what was tracked until then" in reported
     assert len((out / "trajectory.tum").read_text().splitlines()) == 4

@@ -9,8 +9,8 @@ import viser
 
 from nerfnav import robots
 from nerfnav_app.page.kit.widgets import ChoiceList
+from nerfnav_app.state.place import Choice
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import Choice
 
 
 @pytest.fixture

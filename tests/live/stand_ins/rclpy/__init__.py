@@ -63,8 +63,11 @@ def spin(node: Node) -> None:
         node.sent.clear()
         node.received(node.picture())
         estimate, points = node.sent.get("estimate"), node.sent["command/trajectory"].points
-        told = {} if estimate is None else {"estimate": _vector(estimate.pose.pose.position),
-                                            "variance": float(estimate.pose.covariance[0])}
+        told = (
+            {}
+            if estimate is None
+            else {"estimate": _vector(estimate.pose.pose.position), "variance": float(estimate.pose.covariance[0])}
+        )
         node.vehicle.record(points=len(points), **told)
         if len(points) == 1:
             return

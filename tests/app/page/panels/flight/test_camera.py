@@ -6,11 +6,11 @@ import numpy as np
 import torch
 
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.page.kit.chart import FlightRows, error_curves, time_curves
 from nerfnav_app.page.kit.theme import BELIEF, HIT
 from nerfnav_app.page.panels.flight.camera import beside, compose, difference, with_pixels
-from nerfnav_app.page.panels.flight.flight_charts import FlightRows, error_curves, time_curves
 from nerfnav_app.queries.robot_view import RobotViewQuery
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from tests.app.doubles import filter_step, flight_step
 from tests.app.page.test_panels_and_layers import ENDS
 

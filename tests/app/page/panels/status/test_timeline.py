@@ -12,7 +12,7 @@ from nerfnav_app.page.panels.status.command_palette import entries
 from nerfnav_app.page.panels.status.timeline import list_marks, space_marks
 from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports

@@ -1,0 +1,216 @@
+"""Plan state: the plan as far as it is computed, its settings, and the commands on it."""
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field import UnknownSpace
+from nerfnav.planner import FLYABLE, CostWeights, PlanCost, PlannerConfig, PlanOutcome, PlanResult, PlanStep, planners
+from nerfnav.robots import Motion
+from nerfnav_app.jobs.events import PlannerResult
+from nerfnav_app.places.ends import Ends
+
+_SHORTEST_S, LONGEST_S = 0.5, 600.0
+_HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
+NO_TRAJECTORY = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
+"""Outcomes of plans that hold no trajectory from start to goal."""
+
+
+@dataclass(frozen=True)
+class StartPlan:
+    """Optimise a trajectory between the ends."""
+
+
+@dataclass(frozen=True)
+class StartComparison:
+    """Plan between the ends with every planner."""
+
+
+@dataclass(frozen=True)
+class DeclineFlight:
+    """Do not fly an unsafe plan after all."""
+
+
+@dataclass(frozen=True)
+class AllowTime:
+    """Plan again with a longer duration."""
+
+    seconds: float
+    """From start to goal [s]."""
+
+
+@dataclass(frozen=True)
+class RestoreWeights:
+    """Plan again with the default weights."""
+
+
+PlanAction = DeclineFlight | AllowTime | RestoreWeights
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """Settings of plans: duration, accepted risk, unseen space and weights."""
+
+    duration_s: float = 2.0
+    """Time from start to goal [s]."""
+    shortest: bool = False
+    """Search the shortest duration that keeps the robot's limits instead."""
+    max_collision: float | None = None
+    """Largest accepted bound on the probability of a collision, 0 to 1; None accepts any."""
+    unknown: UnknownSpace = UnknownSpace.OCCUPIED
+    """Occupancy that is assumed of space that no camera saw."""
+    weights: CostWeights = field(default_factory=CostWeights)
+    """Weights of the terms of J."""
+
+    def with_duration(self, seconds: float) -> "PlanSettings":
+        """Set the duration [s], without a search for the shortest."""
+        return replace(self, duration_s=seconds, shortest=False)
+
+    def check(self) -> None:
+        """Raise InvalidInputError, which names the range, for a number that no plan can have."""
+        if not _SHORTEST_S <= self.duration_s <= LONGEST_S:
+            raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {LONGEST_S:g} s")
+        if self.max_collision is not None and not 0 < self.max_collision <= 1:
+            raise InvalidInputError("the accepted risk must be above 0 % and at most 100 %")
+        most = {"samples_per_step": _MOST_SAMPLES, "margin": _WIDEST_M}
+        for part in fields(self.weights):
+            value, largest = getattr(self.weights, part.name), most.get(part.name, _HEAVIEST)
+            least = 1 if part.name == "samples_per_step" else 0
+            if not least <= value <= largest:
+                raise InvalidInputError(f"{part.name.replace('_', ' ')} must be from {least:g} to {largest:g}")
+
+    def config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:
+        """Merge the weights into the planner's settings; `own` is returned where all weights are the default."""
+        if self.weights == CostWeights():
+            return own
+        return replace(planners.load(planner).config() if own is None else own, weights=self.weights)
+
+
+@dataclass(frozen=True)
+class CostHistory:
+    """Cost by term over the iterations, thinned to a bounded length."""
+
+    LIMIT: ClassVar[int] = 400
+
+    iterations: tuple[int, ...] = ()
+    """Iterations at which the cost is kept."""
+    costs: tuple[PlanCost, ...] = ()
+    """Cost at each of them."""
+    stride: int = 1
+    """Iterations between two entries."""
+
+    def appended(self, iteration: int, cost: PlanCost) -> "CostHistory":
+        """Add an entry, unless the stride skips it; beyond LIMIT entries every other one is dropped."""
+        if iteration % self.stride:
+            return self
+        longer = CostHistory((*self.iterations, iteration), (*self.costs, cost), self.stride)
+        if len(longer.iterations) <= self.LIMIT:
+            return longer
+        return CostHistory(longer.iterations[::2], longer.costs[::2], 2 * self.stride)
+
+
+@dataclass(frozen=True)
+class PlanRecord:
+    """A plan as far as it is computed."""
+
+    TRAIL: ClassVar[int] = 6
+    """Number of earlier iterations that are kept."""
+    RECORDED: ClassVar[int] = 300
+    """Number of iterations that can be replayed."""
+    REPLAY_S: ClassVar[float] = 2.0
+    """Duration of a replay [s]."""
+    QUICK_S: ClassVar[float] = 0.5
+    """Plans that took longer were visible while they were computed, and are not replayed [s]."""
+
+    ends: Ends
+    """Start and goal of the request."""
+    planner: str = "fast"
+    """Planner of the request."""
+    settings: PlanSettings = field(default_factory=PlanSettings)
+    """Settings of the request."""
+    draft: bool = False
+    """True for a plan that follows the hand while it drags an end: it is not checked for safety."""
+    refusal: str = ""
+    """Reason why there is no plan for a later request."""
+    latest: PlanStep | None = None
+    """The last iteration so far."""
+    trail: tuple[Motion, ...] = ()
+    """A few earlier iterations, oldest first."""
+    history: CostHistory = CostHistory()
+    """Cost by term."""
+    summary: dict[str, Any] = field(default_factory=dict)
+    """Figures of the job, once it has finished."""
+    recorded: tuple[PlanStep, ...] = ()
+    """The first iterations: the replay of a plan that was computed too fast to be watched."""
+    replayed: float | None = None
+    """Share of the recording that was replayed, 0 to 1; None while there is no replay."""
+
+    @property
+    def outcome(self) -> PlanOutcome | None:
+        """None while it is computed, or when it was stopped."""
+        return self.latest.outcome if isinstance(self.latest, PlanResult) else None
+
+    @property
+    def is_good(self) -> bool:
+        """True for a finished and checked plan that may be flown."""
+        return self.outcome in FLYABLE and not self.draft
+
+    @property
+    def is_unsafe(self) -> bool:
+        """True for a finished plan that is not to be flown."""
+        return self.outcome is not None and self.outcome not in FLYABLE
+
+    @property
+    def leads(self) -> bool:
+        """True where it holds a trajectory from start to goal, safe or not."""
+        return self.latest is not None and self.outcome not in NO_TRAJECTORY
+
+    @property
+    def shown(self) -> PlanStep | None:
+        """The iteration to show now."""
+        if self.replayed is None or not self.recorded:
+            return self.latest
+        return self.recorded[min(int(self.replayed * len(self.recorded)), len(self.recorded) - 1)]
+
+    @property
+    def shown_trail(self) -> tuple[Motion, ...]:
+        """Earlier iterations to show with it, oldest first."""
+        if self.replayed is None:
+            return self.trail
+        count = min(int(self.replayed * len(self.recorded)), len(self.recorded) - 1)
+        return tuple(self.recorded[index].motion for index in range(max(0, count - self.TRAIL), count))
+
+    @property
+    def others(self) -> tuple[Motion, ...]:
+        """Final trajectories of the other initial guesses, if there were several; the best one is the plan."""
+        best = None if self.latest is None else self.latest.start_index
+        ends = {step.start_index: step.motion for step in self.recorded}
+        return tuple(motion for start, motion in ends.items() if start != best)
+
+    def with_step(self, step: PlanStep) -> "PlanRecord":
+        """Add an iteration; iterations 1, 2, 4, 8, ... stay visible, as the line moves most early on."""
+        trail = self.trail
+        if self.latest is not None and step.iteration & (step.iteration - 1) == 0:
+            trail = (*trail, self.latest.motion)[-self.TRAIL :]
+        recorded = (*self.recorded, step) if len(self.recorded) < self.RECORDED else self.recorded
+        history = self.history.appended(step.iteration, step.cost)
+        return replace(self, latest=step, trail=trail, history=history, recorded=recorded)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanState:
+    """The plan and its settings: part of a Session."""
+
+    plan_settings: PlanSettings = field(default_factory=PlanSettings)
+    """Settings of the next plan."""
+    plan: PlanRecord | None = None
+    """The last plan."""
+    unconfirmed: PlanRecord | None = None
+    """An unsafe plan that the user asked to fly: the confirmation is pending."""
+    comparison: tuple[PlannerResult, ...] = ()
+    """Results of the last comparison of planners, as far as it has come."""
+
+    @property
+    def replaying(self) -> bool:
+        """True while a plan is replayed at a pace that a person can follow."""
+        return self.plan is not None and self.plan.replayed is not None

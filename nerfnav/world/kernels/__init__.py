@@ -1,1 +1,0 @@
-"""Pictures of what rays hit, compiled; tested equal to numpy, byte by byte."""
