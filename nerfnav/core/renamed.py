@@ -7,7 +7,6 @@ Remove an entry with the release after the one that renamed it.
 import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import Any
 
 import lazy_loader
 
@@ -114,14 +113,14 @@ OPTIONS: dict[str, str] = {
 """Old option of the command line to the new one; a name that ends with a dot stands for all options below it."""
 
 
-def attach_face(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def attach_face(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """Make `__getattr__`, `__dir__` and `__all__` of a package from the `__init__.pyi` beside its `file`.
 
     Names are imported at first use (lazy_loader); old names give a DeprecationWarning that has the new name.
     """
     get_name, list_names, names = lazy_loader.attach_stub(package, file)
 
-    def get_name_or_renamed(name: str) -> Any:
+    def get_name_or_renamed(name: str) -> object:
         new = NAMES.get(f"{package}.{name}")
         if new is None:
             return get_name(name)
