@@ -55,7 +55,7 @@ def test_what_memory_cannot_hold_is_refused_with_both_numbers(monkeypatch: pytes
 
 
 _PEAK = """
-import resource, torch
+import numba, resource, torch  # numba first: a library that is loaded with the first kernel is no part of training
 from nerfnav.field.train.grid_learner import GridLearner, LearningRates
 from nerfnav.field.train.rays import RaySampler
 from nerfnav.field.train.training_volume import TrainingVolume
