@@ -15,7 +15,7 @@ For each of app, nerfnav and scenes:
                 queries, cost terms, and modules that are light on purpose, see EXEMPT.
     tuples      parameters and fields that are tuples of unlike things, also behind `| None`, an alias or a container
     openings    share of docstrings that begin with What, Where, How, Whether, Who, Whose or Which
-    short       docstrings of three words or fewer on public names
+    short       docstrings of three words or fewer on public modules, classes and functions
     words       occurrences of words of an idiom of our own, see WORDS; documents and examples count for nerfnav
 
 Import rules broken are those of tests/test_imports.py.
@@ -23,6 +23,7 @@ Import rules broken are those of tests/test_imports.py.
 
 import argparse
 import ast
+import itertools
 import re
 import sys
 from collections import Counter, defaultdict
@@ -64,13 +65,19 @@ class Counted:
 
 
 def docstrings_of(tree: ast.Module) -> Iterator[tuple[int, bool, str]]:
-    """Line, whether the name is public, and text of each docstring of modules, classes, functions and fields."""
+    """Line, whether it counts as short, and text of each docstring of modules, classes, functions and fields."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             text = ast.get_docstring(node)
             if text:
                 name = getattr(node, "name", "module")
                 yield node.body[0].lineno, not name.startswith("_"), text
+        if isinstance(node, ast.Module | ast.ClassDef):
+            for before, after in itertools.pairwise(node.body):
+                if not isinstance(before, ast.Assign | ast.AnnAssign) or not isinstance(after, ast.Expr):
+                    continue
+                if isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+                    yield after.lineno, False, after.value.value  # a unit alone may say enough of a field
 
 
 def unlike_tuples(tree: ast.Module) -> Iterator[tuple[int, str]]:
