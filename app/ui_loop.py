@@ -40,6 +40,8 @@ class UiLoop:
         self._together: Callable[[], AbstractContextManager[None]] = nullcontext
         self._follow = follow
         self._inbox: queue.SimpleQueue[Action | None] = queue.SimpleQueue()
+        self.stopping = threading.Event()
+        """Set once `stop` was called."""
         self._thread = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
 
     def start(
@@ -57,9 +59,14 @@ class UiLoop:
         self._inbox.put(message)
 
     def stop(self) -> None:
-        """Take no more messages."""
+        """Take no more messages, and show no more parts: the server may be stopped then.
+
+        Nothing happens where the loop was not started.
+        """
+        self.stopping.set()
         self._inbox.put(None)
-        self._thread.join(5)
+        if self._thread.ident is not None:
+            self._thread.join(5)
 
     def call_on_loop(self, wait_s: float) -> bool:
         """Wait, and return whether messages are still taken."""
@@ -119,6 +126,8 @@ class UiLoop:
     def _show(self) -> None:
         with self._together():
             for part in self.parts:
+                if self.stopping.is_set():
+                    return
                 try:
                     part.show(self.session)
                 except Exception:

@@ -56,11 +56,15 @@ class Worker:
         self._report_wait(session)
 
     def stop(self, timeout_s: float = 10.0) -> None:
-        """Close the running job and end the thread, waiting at most `timeout_s` for the step in progress."""
+        """Close the running job and end the thread, waiting at most `timeout_s` for the step in progress.
+
+        Nothing happens where the worker was not started.
+        """
         with self._changed:
             self._stopping = True
             self._changed.notify()
-        self._thread.join(timeout_s)
+        if self._thread.ident is not None:
+            self._thread.join(timeout_s)
 
     def _run(self) -> None:
         while (session := self._next_session()) is not None:

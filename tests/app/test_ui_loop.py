@@ -1,6 +1,7 @@
 """When the UI loop shows what has changed."""
 
 import itertools
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,8 @@ from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.session import Session
 from nerfnav_app.ui_loop import UiLoop
+from nerfnav_app.worker.backend import NavigationBackend
+from nerfnav_app.worker.worker import Worker
 from tests.app.doubles import flight_step
 from tests.waiting import PATIENCE_S
 
@@ -78,3 +81,34 @@ def test_a_command_does_not_wait_for_the_frame_of_a_flight(opened: Session, monk
     loop.stop()
     paused = watcher.shown[1][1]
     assert paused.job is not None and paused.job.paused and paused.flight is not None and paused.flight.steps
+
+
+class Slow(Watcher):
+    """A part of the page that shows until it is released."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.began, self.released = threading.Event(), threading.Event()
+
+    def show(self, session: Session) -> None:
+        super().show(session)
+        self.began.set()
+        self.released.wait(PATIENCE_S)
+
+
+def test_no_part_is_shown_once_the_loop_was_stopped(opened: Session) -> None:
+    """A server that is stopped while the page is being shown has no event loop for the parts that are left."""
+    loop, slow, watcher = UiLoop(opened), Slow(), Watcher()
+    loop.start((slow, watcher))
+    assert slow.began.wait(PATIENCE_S)
+    stopping = threading.Thread(target=loop.stop)
+    stopping.start()
+    assert loop.stopping.wait(PATIENCE_S)
+    slow.released.set()
+    stopping.join(PATIENCE_S)
+    assert not stopping.is_alive() and len(slow.shown) == 1 and not watcher.shown
+
+
+def test_an_app_that_was_interrupted_before_its_threads_began_can_be_stopped(opened: Session) -> None:
+    UiLoop(opened).stop()
+    Worker(NavigationBackend(), lambda _: None).stop()

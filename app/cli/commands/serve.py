@@ -67,8 +67,8 @@ def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSu
 
     sys.setswitchinterval(_SWITCH_S)
     app = App(what, host, port, token, begun=surface, remembers=True)
-    app.start()
     try:
+        app.start()  # Ctrl-C may come while the page is put up: its threads end before the server either way
         app.wait()
     finally:
         app.stop()
