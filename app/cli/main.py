@@ -22,7 +22,7 @@ from nerfnav import __version__
 from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.core.renamed import replace_old_options
 from nerfnav_app.cli.help import ALL, HELP, format_help
-from nerfnav_app.system import importing
+from nerfnav_app.system import importing, use_one_blas_thread
 
 COMMANDS = {
     "serve": "open a scene or a field in the browser (what `nerfnav` alone does, with stonehenge)",
@@ -53,6 +53,7 @@ _STYLE = (tyro.conf.FlagCreatePairsOff, tyro.conf.PositionalMetavarFromFieldName
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code: 0, or 2 with one sentence on stderr for bad input."""
     words = list(sys.argv[1:] if words is None else words)
+    use_one_blas_thread()
     try:
         if words[:1] in (["-h"], ["--help"], [ALL], ["help"]):
             print(usage())
