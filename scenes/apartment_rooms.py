@@ -44,64 +44,75 @@ def _rug(long: float, wide: float, color: tuple[float, float, float], seed: int)
 
 
 def _living() -> list[Part]:
-    parts = placed(settee(1.9, _TEAL, 20), (0.40, -1.75, 0), _WEST)
-    parts += placed(table((0.55, 1.0, 0.42), _WALNUT, 22), (-0.75, -1.75, 0.012))
-    parts += placed([_rug(2.2, 1.5, _RED, 24)], (-0.75, -1.75, 0), _NORTH)
-    parts += placed(table((1.5, 0.85, 0.75), _OAK, 26), (-3.2, -2.6, 0))
-    for k, (x, y, yaw) in enumerate([
-        (-3.55, -1.98, _SOUTH), (-2.85, -1.95, _SOUTH - 0.2), (-3.55, -3.2, _NORTH), (-2.85, -3.18, _NORTH + 0.15),
-    ]):  # fmt: skip
-        parts += placed(chair((_MUSTARD, _RED, _TEAL, _BLUE)[k], 30 + k), (x, y, 0), yaw)
-    parts += placed(hanging_lamp(0.75, _MUSTARD, 36), (-3.2, -2.6, _HIGH))
-    parts += placed(bookcase((0.30, 1.3, 2.0), _OAK, 38), (-4.35, -0.95, 0))
-    parts += placed(standing_lamp(1.6, _CREAM, 48), (0.55, -0.45, 0))
-    parts += placed(plant(1.3, 50), (0.50, -3.10, 0))
-    parts += placed(cupboard((0.38, 1.5, 0.5), _CREAM, 55), (-0.75, -3.31, 0), _NORTH)
-    parts += placed(picture(1.1, 0.7, (_BLUE, _TEAL, _MUSTARD), 56), (0.85, -1.75, 1.55), _WEST)
-    return parts + placed(picture(0.5, 0.7, (_CREAM, _RED, _WALNUT), 58), (-1.05, 0.30, 1.5), _SOUTH)
+    return [
+        *placed(settee(1.9, _TEAL, 20), (0.40, -1.75, 0), _WEST),
+        *placed(table((0.55, 1.0, 0.42), _WALNUT, 22), (-0.75, -1.75, 0.012)),
+        *placed([_rug(2.2, 1.5, _RED, 24)], (-0.75, -1.75, 0), _NORTH),
+        *placed(table((1.5, 0.85, 0.75), _OAK, 26), (-3.2, -2.6, 0)),
+        *placed(chair(_MUSTARD, 30), (-3.55, -1.98, 0), _SOUTH),
+        *placed(chair(_RED, 31), (-2.85, -1.95, 0), _SOUTH - 0.2),
+        *placed(chair(_TEAL, 32), (-3.55, -3.2, 0), _NORTH),
+        *placed(chair(_BLUE, 33), (-2.85, -3.18, 0), _NORTH + 0.15),
+        *placed(hanging_lamp(0.75, _MUSTARD, 36), (-3.2, -2.6, _HIGH)),
+        *placed(bookcase((0.30, 1.3, 2.0), _OAK, 38), (-4.35, -0.95, 0)),
+        *placed(standing_lamp(1.6, _CREAM, 48), (0.55, -0.45, 0)),
+        *placed(plant(1.3, 50), (0.50, -3.10, 0)),
+        *placed(cupboard((0.38, 1.5, 0.5), _CREAM, 55), (-0.75, -3.31, 0), _NORTH),
+        *placed(picture(1.1, 0.7, (_BLUE, _TEAL, _MUSTARD), 56), (0.85, -1.75, 1.55), _WEST),
+        *placed(picture(0.5, 0.7, (_CREAM, _RED, _WALNUT), 58), (-1.05, 0.30, 1.5), _SOUTH),
+    ]
 
 
 def _kitchen() -> list[Part]:
     """A counter along the northern wall, boards above it, a fridge, a small table with two stools."""
-    parts = []
+    counter: list[Part] = []
     for k, x in enumerate((-4.18, -3.56, -2.94, -2.32)):
-        parts += placed(cupboard((0.60, 0.60, 0.86), _CREAM, 60 + k), (x, 3.2, 0), _SOUTH)
+        counter += placed(cupboard((0.60, 0.60, 0.86), _CREAM, 60 + k), (x, 3.2, 0), _SOUTH)
     for x in (-4.18, -3.56, -2.32):
-        parts += placed(cupboard((0.34, 0.60, 0.62), (0.40, 0.55, 0.52), 64), (x, 3.33, 1.45), _SOUTH)
-    parts.append(block((2.50, 0.62, 0.05), (-3.25, 3.19, 0.85), timber(_WALNUT, 68)))
-    parts.append(block((0.30, 0.20, 0.26), (-2.30, 3.2, 0.89), cloth(_RED, 69)))
-    parts += placed(cupboard((0.64, 0.60, 1.8), (0.82, 0.84, 0.86), 70), (-1.66, 3.17, 0), _SOUTH)
-    parts += placed(table((0.60, 0.60, 0.75), _OAK, 71), (-1.68, 2.25, 0))
-    parts += placed(chair(_TEAL, 73), (-2.2, 2.30, 0), 0.1)
-    parts += placed(hanging_lamp(0.7, _RED, 75), (-2.9, 2.2, _HIGH))
-    return parts + placed(picture(0.45, 0.45, (_CREAM, _MUSTARD, _RED), 77), (-4.5, 0.95, 1.5), 0)
+        counter += placed(cupboard((0.34, 0.60, 0.62), (0.40, 0.55, 0.52), 64), (x, 3.33, 1.45), _SOUTH)
+    return [
+        *counter,
+        block((2.50, 0.62, 0.05), (-3.25, 3.19, 0.85), timber(_WALNUT, 68)),
+        block((0.30, 0.20, 0.26), (-2.30, 3.2, 0.89), cloth(_RED, 69)),
+        *placed(cupboard((0.64, 0.60, 1.8), (0.82, 0.84, 0.86), 70), (-1.66, 3.17, 0), _SOUTH),
+        *placed(table((0.60, 0.60, 0.75), _OAK, 71), (-1.68, 2.25, 0)),
+        *placed(chair(_TEAL, 73), (-2.2, 2.30, 0), 0.1),
+        *placed(hanging_lamp(0.7, _RED, 75), (-2.9, 2.2, _HIGH)),
+        *placed(picture(0.45, 0.45, (_CREAM, _MUSTARD, _RED), 77), (-4.5, 0.95, 1.5), 0),
+    ]
 
 
 def _bedroom() -> list[Part]:
-    parts = placed(bed((2.05, 1.6, 0.50), _BLUE, 80), (3.42, -2.55, 0))
-    parts += placed(cupboard((0.58, 1.8, 2.1), (0.88, 0.86, 0.80), 84), (1.25, -2.4, 0))
-    parts += placed(table((0.40, 0.40, 0.50), _OAK, 86), (4.25, -1.48, 0))
-    parts += placed(standing_lamp(1.45, _MUSTARD, 88), (4.25, -0.05, 0))
-    parts += placed([_rug(1.8, 1.2, _TEAL, 90)], (3.0, -0.9, 0))
-    parts += placed(chair(_WALNUT, 92), (1.25, -0.95, 0), 0.3)
-    return parts + placed(picture(0.9, 0.6, (_MUSTARD, _RED, _CREAM), 94), (0.95, -0.6, 1.5), 0)
+    return [
+        *placed(bed((2.05, 1.6, 0.50), _BLUE, 80), (3.42, -2.55, 0)),
+        *placed(cupboard((0.58, 1.8, 2.1), (0.88, 0.86, 0.80), 84), (1.25, -2.4, 0)),
+        *placed(table((0.40, 0.40, 0.50), _OAK, 86), (4.25, -1.48, 0)),
+        *placed(standing_lamp(1.45, _MUSTARD, 88), (4.25, -0.05, 0)),
+        *placed([_rug(1.8, 1.2, _TEAL, 90)], (3.0, -0.9, 0)),
+        *placed(chair(_WALNUT, 92), (1.25, -0.95, 0), 0.3),
+        *placed(picture(0.9, 0.6, (_MUSTARD, _RED, _CREAM), 94), (0.95, -0.6, 1.5), 0),
+    ]
 
 
 def _study() -> list[Part]:
-    parts = placed(table((1.5, 0.65, 0.74), _WALNUT, 100), (1.0, 3.13, 0))
-    parts += placed(chair(_RED, 102), (1.05, 2.62, 0), _NORTH + 0.2)
-    parts.append(block((0.50, 0.05, 0.32), (1.0, 3.3, 0.80), plain((0.08, 0.09, 0.10))))
-    parts.append(block((0.08, 0.08, 0.08), (1.0, 3.3, 0.73), plain(_GREY)))
-    parts += placed(bookcase((0.30, 1.5, 2.1), _WALNUT, 105), (-1.08, 2.5, 0))
-    parts += placed(settee(1.2, _MUSTARD, 115), (3.95, 2.75, 0), _WEST)
-    parts += placed(plant(1.1, 120), (2.35, 3.2, 0))
-    parts += placed([_rug(1.7, 1.1, _BLUE, 125)], (0.5, 2.2, 0))
-    parts += placed(hanging_lamp(0.6, _CREAM, 127), (1.6, 2.3, _HIGH))
-    return parts + placed(picture(0.8, 0.5, (_TEAL, _BLUE, _CREAM), 129), (-0.1, 3.5, 1.5), _SOUTH)
+    return [
+        *placed(table((1.5, 0.65, 0.74), _WALNUT, 100), (1.0, 3.13, 0)),
+        *placed(chair(_RED, 102), (1.05, 2.62, 0), _NORTH + 0.2),
+        block((0.50, 0.05, 0.32), (1.0, 3.3, 0.80), plain((0.08, 0.09, 0.10))),
+        block((0.08, 0.08, 0.08), (1.0, 3.3, 0.73), plain(_GREY)),
+        *placed(bookcase((0.30, 1.5, 2.1), _WALNUT, 105), (-1.08, 2.5, 0)),
+        *placed(settee(1.2, _MUSTARD, 115), (3.95, 2.75, 0), _WEST),
+        *placed(plant(1.1, 120), (2.35, 3.2, 0)),
+        *placed([_rug(1.7, 1.1, _BLUE, 125)], (0.5, 2.2, 0)),
+        *placed(hanging_lamp(0.6, _CREAM, 127), (1.6, 2.3, _HIGH)),
+        *placed(picture(0.8, 0.5, (_TEAL, _BLUE, _CREAM), 129), (-0.1, 3.5, 1.5), _SOUTH),
+    ]
 
 
 def _hall() -> list[Part]:
     """A narrow chest, a picture, a lamp; most of it is left free to pass."""
-    parts = placed(cupboard((0.26, 0.8, 0.8), _TEAL, 130), (0.9, 0.53, 0), _NORTH)
-    parts += placed(hanging_lamp(0.35, _MUSTARD, 132), (1.4, 0.95, _HIGH))
-    return parts + placed(picture(0.9, 0.6, (_RED, _WALNUT, _CREAM), 134), (0.5, 1.45, 1.5), _SOUTH)
+    return [
+        *placed(cupboard((0.26, 0.8, 0.8), _TEAL, 130), (0.9, 0.53, 0), _NORTH),
+        *placed(hanging_lamp(0.35, _MUSTARD, 132), (1.4, 0.95, _HIGH)),
+        *placed(picture(0.9, 0.6, (_RED, _WALNUT, _CREAM), 134), (0.5, 1.45, 1.5), _SOUTH),
+    ]

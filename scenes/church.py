@@ -85,15 +85,15 @@ def _outer_walls() -> list[Part]:
     springs = {-0.6: 0.34, -0.21: 0.50, 0.0: 0.62, 0.21: 0.50, 0.6: 0.34}
     east = dict(lancet(y, 0.14, 0.25, spring) for y, spring in springs.items())
     ends = [Wall((-half, half), _WALL, -0.03, _gable, openings) for openings in (west, east)]
-    parts = []
-    for seed, (wall, foot, yaw) in enumerate([
+    walls = [
         (side, (0.0, -_WIDE, 0.0), 0.0),
         (side, (0.0, _WIDE, 0.0), 0.0),
         (ends[0], (-_LONG, 0.0, 0.0), np.pi / 2),
         (ends[1], (_LONG, 0.0, 0.0), np.pi / 2),
-    ]):  # fmt: skip
-        parts += [part.placed(foot, yaw) for part in _glazed(wall, seed)]
-    return parts
+    ]
+    return [
+        part.placed(foot, yaw) for seed, (wall, foot, yaw) in enumerate(walls) for part in _glazed(wall, seed)
+    ]
 
 
 def _arcades() -> list[Part]:
@@ -150,9 +150,12 @@ def _screen() -> list[Part]:
         for k, y in enumerate((0.12, 0.20, 0.28)):
             parts.append(_timber((_SCREEN, side * y, 0.29), (_SCREEN, side * y, 0.47), _DARK, 425 + k))
     beam = slab((0.74, 0.06, 0.05), partial(striped, colors=(_RED, _GOLD), width=0.06, seed=430))
-    parts.append(beam.placed((_SCREEN, 0, 0.48), np.pi / 2))
-    parts.append(slab((0.04, 0.04, 0.20), paint(_GOLD, 431)).placed((_SCREEN, 0, 0.60)))
-    return [*parts, slab((0.04, 0.14, 0.04), paint(_GOLD, 432)).placed((_SCREEN, 0, 0.635))]
+    return [
+        *parts,
+        beam.placed((_SCREEN, 0, 0.48), np.pi / 2),
+        slab((0.04, 0.04, 0.20), paint(_GOLD, 431)).placed((_SCREEN, 0, 0.60)),
+        slab((0.04, 0.14, 0.04), paint(_GOLD, 432)).placed((_SCREEN, 0, 0.635)),
+    ]
 
 
 def _panelled(points: np.ndarray, seed: int) -> np.ndarray:

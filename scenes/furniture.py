@@ -56,8 +56,8 @@ def placed(parts: Sequence[Part], position: Size, yaw: float = 0.0) -> list[Part
 def table(size: Size, color: Color, seed: int) -> list[Part]:
     """A top of 4 cm on four thin legs; `size` is that of the whole [m]."""
     long, wide, high = size
-    legs = _legs(long, wide, high - 0.03, color, seed + 1)
-    return [block((long, wide, 0.04), (0, 0, high - 0.04), timber(color, seed)), *legs]
+    top = block((long, wide, 0.04), (0, 0, high - 0.04), timber(color, seed))
+    return [top, *_legs(long, wide, high - 0.03, color, seed + 1)]
 
 
 def chair(color: Color, seed: int) -> list[Part]:
@@ -80,8 +80,10 @@ def _post(foot: Size, high: float, color: Color, seed: int) -> Part:
 
 def settee(wide: float, color: Color, seed: int) -> list[Part]:
     """A couch for people to sit on, its back at -x, with two cushions."""
-    parts = [block((0.85, wide, 0.38), (0, 0, 0.04), cloth(color, seed))]
-    parts.append(block((0.22, wide, 0.42), (-0.315, 0, 0.40), cloth(color, seed)))
+    parts = [
+        block((0.85, wide, 0.38), (0, 0, 0.04), cloth(color, seed)),
+        block((0.22, wide, 0.42), (-0.315, 0, 0.40), cloth(color, seed)),
+    ]
     for side in (-1, 1):
         parts.append(block((0.85, 0.16, 0.20), (0, side * (wide / 2 - 0.08), 0.40), cloth(color, seed)))
         pillow = stone((0.42, 0.14, 0.40), _FINE, seed, Roughness(rounding=0.05, taper=0, bulge=0, grain=0))
@@ -98,11 +100,11 @@ def bed(size: Size, color: Color, seed: int) -> list[Part]:
     mattress = block((long - 0.1, wide - 0.08, high - 0.28), (-0.02, 0, 0.28), plain((0.93, 0.92, 0.90)))
     stripes = coarse(partial(striped, colors=(color, (0.93, 0.90, 0.84)), width=0.09, seed=seed))
     blanket = block((0.62 * long, wide + 0.02, 0.18), (-0.18 * long, 0, high - 0.15), stripes)
-    parts = [frame, head, mattress, blanket, *_legs(long - 0.1, wide, 0.18, color, seed)]
-    for side in (-1, 1):
-        head_end = (long / 2 - 0.30, side * wide / 4, high - 0.02)
-        parts.append(block((0.38, 0.55, 0.12), head_end, cloth(color, seed + side)))
-    return parts
+    pillows = [
+        block((0.38, 0.55, 0.12), (long / 2 - 0.30, side * wide / 4, high - 0.02), cloth(color, seed + side))
+        for side in (-1, 1)
+    ]
+    return [frame, head, mattress, blanket, *_legs(long - 0.1, wide, 0.18, color, seed), *pillows]
 
 
 def bookcase(size: Size, color: Color, seed: int) -> list[Part]:

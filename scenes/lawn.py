@@ -18,14 +18,11 @@ _MAT_BOX = (-0.80, 0.66, -0.70, 0.86)
 
 def lawn(width: float, edge: float) -> Part:
     """A flat square of ground, its top at z = 0."""
-    mesh = box((width, width, _THICKNESS), edge)
-    mesh.apply_translation([0, 0, -_THICKNESS / 2])
-    return Part.of(mesh, _color)
+    return Part.of(box((width, width, _THICKNESS), edge).apply_translation([0, 0, -_THICKNESS / 2]), _color)
 
 
 def _color(points: np.ndarray) -> np.ndarray:
     wander = 0.04 * noise(points, 0.25, 300)
-    ground = _grass(points)
     sand = smoothstep(0.02, -0.02, np.hypot(points[:, 0] - _PIT[0], points[:, 1] - _PIT[1]) - _PIT_RADIUS + wander)
     x0, x1, y0, y1 = _MAT_BOX
     x, y = points[:, 0], points[:, 1]
@@ -33,7 +30,7 @@ def _color(points: np.ndarray) -> np.ndarray:
     # the rubber leaves the corner with the pit and an oblong of grass free
     cut = np.minimum(x + 0.16, -0.12 - y)
     rubber = smoothstep(0.012, -0.012, np.maximum(outside, np.minimum(cut, 1)))
-    return mix(mix(ground, _rubber(points), rubber), _sand(points), sand)
+    return mix(mix(_grass(points), _rubber(points), rubber), _sand(points), sand)
 
 
 def _grass(points: np.ndarray) -> np.ndarray:

@@ -77,10 +77,6 @@ class Glass:
         face = self._caster.first_hits(origins, rays).face
         return np.where(face[:, None] >= 0, self._of_faces[face], 1.0)
 
-    def blackened(self) -> "Glass":
-        """Panes of the same shape that let nothing through."""
-        return Glass(self.mesh, np.zeros_like(self.color))
-
 
 def bake(mesh: trimesh.Trimesh, albedo: np.ndarray, light: Light, glass: Glass | None = None) -> np.ndarray:
     """sRGB bytes (v, 3) of a mesh's vertices, whose own colours `albedo` (v, 3) are linear."""
@@ -103,8 +99,9 @@ def bake(mesh: trimesh.Trimesh, albedo: np.ndarray, light: Light, glass: Glass |
 
     # the sky is so wide that the colour of the panes averages out
     sky = 2 * received(_dome(light.sky_rays), None)
-    panes = glass if glass is None or light.sun_through_glass else glass.blackened()
-    sun, sky = _unbury(mesh, np.stack([received(_sun_disk(light), panes), sky]), sky[:, 0] < 0.02)
+    if glass is not None and not light.sun_through_glass:
+        glass = Glass(glass.mesh, np.zeros_like(glass.color))
+    sun, sky = _unbury(mesh, np.stack([received(_sun_disk(light), glass), sky]), sky[:, 0] < 0.02)
     down = 0.5 - 0.5 * normals[:, 2]
     shades = sun * light.sun + sky * light.sky + np.outer(down, light.bounce)
     return to_srgb(albedo * shades)

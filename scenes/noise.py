@@ -13,8 +13,7 @@ def noise(points: np.ndarray, scale: float, seed: int) -> np.ndarray:
 
     Random numbers on a lattice that repeats after 24 cells, blended with quadratic splines.
     """
-    coefficients = _lattice(seed)
-    return map_coordinates(coefficients, points.T / scale, order=2, mode="grid-wrap", prefilter=False)
+    return map_coordinates(_lattice(seed), points.T / scale, order=2, mode="grid-wrap", prefilter=False)
 
 
 @cache

@@ -30,6 +30,9 @@ _A, _B = (-0.50, 0.55), (0.36, 0.55)
 _RED, _BLUE, _YELLOW, _GREEN = (0.84, 0.20, 0.17), (0.14, 0.38, 0.74), (0.95, 0.74, 0.16), (0.30, 0.62, 0.26)
 _ORANGE, _TEAL, _PLUM, _WHITE = (0.93, 0.47, 0.13), (0.12, 0.60, 0.62), (0.52, 0.25, 0.55), (0.90, 0.88, 0.82)
 _TIMBER, _RUBBER, _LEAF = (0.68, 0.46, 0.26), (0.25, 0.24, 0.25), (0.29, 0.46, 0.17)
+_STUMPS = ((-0.98, -0.18, 0.10), (-1.06, -0.36, 0.16), (-0.95, -0.54, 0.22))
+_BUSHES = ((-1.08, 1.06, 0.24), (-0.84, 1.12, 0.17), (1.05, 1.05, 0.26), (-0.06, 1.1, 0.2))
+"""Of each its x, y and height or width [m]."""
 
 
 def build() -> Scene:
@@ -69,11 +72,11 @@ def _towers() -> list[Part]:
 def _roof() -> list[Part]:
     x, y = _A
     gable = panel((-0.235, 0.235), 0.04, lambda x: 0 * x, lambda x: 0.025 + 0.13 * (1 - np.abs(x) / 0.235), EDGE)
-    parts = [Part.of(gable, paint(_YELLOW, 31)).placed((x, y + side, 0.84)) for side in (-_HALF, _HALF)]
     sheet = slab((0.33, 0.52, 0.04), partial(striped, colors=(_RED, _ORANGE), width=0.06, seed=33))
-    for side in (-1, 1):
-        parts.append(sheet.placed((x + 0.125 * side, y, 0.935), 0, (0.52 * side, 0.0)))
-    return parts
+    return [
+        *(Part.of(gable, paint(_YELLOW, 31)).placed((x, y + side, 0.84)) for side in (-_HALF, _HALF)),
+        *(sheet.placed((x + 0.125 * side, y, 0.935), 0, (0.52 * side, 0.0)) for side in (-1, 1)),
+    ]
 
 
 def _climbing_wall() -> list[Part]:
@@ -94,18 +97,16 @@ def _climbing_wall() -> list[Part]:
 def _ladder(head: tuple[float, float], lean: tuple[float, float], height: float) -> list[Part]:
     """Two rails and rungs from the ground up to `head`, its foot shifted by `lean` [m]."""
     across = np.array([-lean[1], lean[0]]) / np.hypot(*lean) * 0.11
-    parts = []
 
     def at(share: float, side: float) -> Size:
         x, y = np.array(head) + (1 - share) * np.array(lean) + side * across
         return float(x), float(y), height * share
 
-    for side in (-1.0, 1.0):
-        parts.append(_bar(at(-0.06, side), at(1.25, side), _GREEN, 60))
-    for k in range(4):
-        share = 0.2 + 0.24 * k
-        parts.append(_bar(at(share, -1.0), at(share, 1.0), _YELLOW, 62 + k))
-    return parts
+    shares = [0.2 + 0.24 * k for k in range(4)]
+    return [
+        *(_bar(at(-0.06, side), at(1.25, side), _GREEN, 60) for side in (-1.0, 1.0)),
+        *(_bar(at(share, -1.0), at(share, 1.0), _YELLOW, seed) for seed, share in enumerate(shares, 62)),
+    ]
 
 
 def _tube() -> list[Part]:
@@ -130,9 +131,10 @@ def _slide() -> list[Part]:
     lip = panel((0, length), 0.04, lambda s: height(s) - 0.045, lambda s: height(s) + 0.06, EDGE)
     parts = [Part.of(bed, partial(striped, colors=(_YELLOW, _ORANGE), width=0.2, seed=80))]
     parts += [Part.of(lip, paint(_RED, 82)).placed((0, side * width / 2, 0)) for side in (-1, 1)]
-    turned_ = [part.placed((_B[0], _B[1] - _HALF + 0.01, 0), -np.pi / 2) for part in parts]
-    foot = [_bar((_B[0] + s, 0.0, -0.03), (_B[0] + s, 0.0, 0.19), _RED, 84) for s in (-0.09, 0.09)]
-    return turned_ + foot
+    return [
+        *(part.placed((_B[0], _B[1] - _HALF + 0.01, 0), -np.pi / 2) for part in parts),
+        *(_bar((_B[0] + s, 0.0, -0.03), (_B[0] + s, 0.0, 0.19), _RED, 84) for s in (-0.09, 0.09)),
+    ]
 
 
 def _monkey_bars() -> list[Part]:
@@ -174,31 +176,32 @@ def _jungle_gym() -> list[Part]:
 
 def _odds_and_ends() -> list[Part]:
     """A hoop to fly through, a seesaw, stumps, a tyre, a ball, bushes."""
-    parts = []
     turn = 2 * np.pi * np.arange(12) / 12
     hoop = ring(np.stack([0.17 + 0.022 * np.cos(turn), 0.022 * np.sin(turn)], -1), _FINE)
-    upright = (0.0, np.pi / 2)
-    parts.append(Part.of(hoop, partial(striped, colors=(_WHITE, _RED), width=0.09, seed=130)))
-    parts[0] = parts[0].placed((-0.02, -0.55, 0.36), 0.35, upright)
-    parts.append(_bar((-0.02, -0.55, -0.03), (-0.02, -0.55, 0.19), _WHITE, 131))
+    striped_hoop = Part.of(hoop, partial(striped, colors=(_WHITE, _RED), width=0.09, seed=130))
     plank = slab((0.66, 0.10, 0.04), partial(striped, colors=(_BLUE, _WHITE), width=0.11, seed=132))
-    parts.append(plank.placed((0.98, 0.30, 0.16), np.pi / 2, (0.22, 0.0)))
     fulcrum = turned(0.17, lambda z: 0.075 - 0.2 * z, EDGE)
-    parts.append(Part.of(fulcrum, paint(_PLUM, 133)).placed((0.98, 0.30, -0.02)))
-    for k, (x, y, height) in enumerate([(-0.98, -0.18, 0.10), (-1.06, -0.36, 0.16), (-0.95, -0.54, 0.22)]):
-        stump = turned(height + 0.03, lambda z: 0.075 + 0 * z, EDGE)
-        parts.append(Part.of(stump, partial(wood, color=_TIMBER, seed=140 + k, axis=2)).placed((x, y, -0.03)))
     tyre = ring(np.stack([0.115 + 0.045 * np.cos(turn), 0.045 * np.sin(turn)], -1), EDGE)
-    parts.append(Part.of(tyre, paint(_RUBBER, 150)).placed((-0.88, -0.98, 0.045)))
-    parts.append(Part.of(tyre.copy(), paint(_ORANGE, 151)).placed((-0.86, -0.97, 0.130), 0, (0.05, 0.1)))
     ball = stone((0.15, 0.15, 0.15), 0.012, 5, Roughness(rounding=0.075, taper=0, bulge=0, grain=0))
-    painted_ball = Part.of(ball, partial(striped, colors=(_WHITE, _RED), width=0.05, seed=152))
-    return [*parts, painted_ball.placed((0.12, -1.0, 0), 0.6), *_bushes()]
+    striped_ball = Part.of(ball, partial(striped, colors=(_WHITE, _RED), width=0.05, seed=152))
+    return [
+        striped_hoop.placed((-0.02, -0.55, 0.36), 0.35, (0.0, np.pi / 2)),
+        _bar((-0.02, -0.55, -0.03), (-0.02, -0.55, 0.19), _WHITE, 131),
+        plank.placed((0.98, 0.30, 0.16), np.pi / 2, (0.22, 0.0)),
+        Part.of(fulcrum, paint(_PLUM, 133)).placed((0.98, 0.30, -0.02)),
+        *(_stump(x, y, height, 140 + k) for k, (x, y, height) in enumerate(_STUMPS)),
+        Part.of(tyre, paint(_RUBBER, 150)).placed((-0.88, -0.98, 0.045)),
+        Part.of(tyre.copy(), paint(_ORANGE, 151)).placed((-0.86, -0.97, 0.130), 0, (0.05, 0.1)),
+        striped_ball.placed((0.12, -1.0, 0), 0.6),
+        *(_bush(x, y, size, 160 + k) for k, (x, y, size) in enumerate(_BUSHES)),
+    ]
 
 
-def _bushes() -> list[Part]:
-    parts = []
-    for k, (x, y, size) in enumerate([(-1.08, 1.06, 0.24), (-0.84, 1.12, 0.17), (1.05, 1.05, 0.26), (-0.06, 1.1, 0.2)]):
-        bush = stone((size, size, 0.9 * size), EDGE, 160 + k, Roughness(0.5 * size, 0.1, 0.02, 0.005))
-        parts.append(Part.of(bush, paint(_LEAF, 160 + k)).placed((x, y, -0.03)))
-    return parts
+def _stump(x: float, y: float, height: float, seed: int) -> Part:
+    stump = turned(height + 0.03, lambda z: 0.075 + 0 * z, EDGE)
+    return Part.of(stump, partial(wood, color=_TIMBER, seed=seed, axis=2)).placed((x, y, -0.03))
+
+
+def _bush(x: float, y: float, size: float, seed: int) -> Part:
+    bush = stone((size, size, 0.9 * size), EDGE, seed, Roughness(0.5 * size, 0.1, 0.02, 0.005))
+    return Part.of(bush, paint(_LEAF, seed)).placed((x, y, -0.03))

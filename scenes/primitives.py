@@ -41,7 +41,11 @@ def box(size: Size, edge: float) -> trimesh.Trimesh:
     strides = np.array([1, counts[0] + 1, (counts[0] + 1) * (counts[1] + 1)])
     _, first, index = np.unique(corners @ strides, return_index=True, return_inverse=True)
     vertices = (corners[first] / counts - 0.5) * size
-    quads = index.reshape(-1, 4)
+    return _mesh_of_quads(vertices, index.reshape(-1, 4))
+
+
+def _mesh_of_quads(vertices: np.ndarray, quads: np.ndarray) -> trimesh.Trimesh:
+    """Mesh of quadrangles (q, 4), each cut into two triangles."""
     return trimesh.Trimesh(vertices, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), process=False)
 
 
@@ -103,20 +107,17 @@ def bar(start: Size, end: Size, radius: float, edge: float) -> trimesh.Trimesh:
 
 def ring(profile: np.ndarray, edge: float) -> trimesh.Trimesh:
     """A closed profile (k, 2) of radius and height [m], counter-clockwise, swept once around the z axis."""
-    after = np.roll(profile, -1, axis=0)
-    parts = [
+    loop = np.concatenate([
         a + np.linspace(0, 1, max(1, int(np.ceil(np.linalg.norm(b - a) / edge))), endpoint=False)[:, None] * (b - a)
-        for a, b in zip(profile, after, strict=True)
-    ]
-    loop = np.concatenate(parts)
+        for a, b in zip(profile, np.roll(profile, -1, axis=0), strict=True)
+    ])  # fmt: skip
     around, along = max(12, int(np.ceil(2 * np.pi * loop[:, 0].max() / edge))), len(loop)
     turn = (2 * np.pi * np.arange(around) / around)[:, None]
     points = [loop[:, 0] * np.cos(turn), loop[:, 0] * np.sin(turn), np.broadcast_to(loop[:, 1], (around, along))]
     i, j = (a.ravel() for a in np.meshgrid(np.arange(around), np.arange(along), indexing="ij"))
     here, there, up = i * along, (i + 1) % around * along, (j + 1) % along
     quads = np.stack([here + j, there + j, there + up, here + up], -1)
-    faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-    return trimesh.Trimesh(np.stack(points, -1).reshape(-1, 3), faces, process=False)
+    return _mesh_of_quads(np.stack(points, -1).reshape(-1, 3), quads)
 
 
 def panel(ends: tuple[float, float], depth: float, low: Curve, high: Curve, edge: float) -> trimesh.Trimesh:

@@ -59,9 +59,10 @@ def _trilithon(radius: float, angle_deg: float, height: float) -> list[Block]:
     thickness, width, apart, sunk = 0.09, 0.105, 0.098, 0.035
     center, along = np.array(_polar(radius, angle_deg, -sunk)), np.array(_polar(1.0, angle_deg + 90, 0.0))
     feet = [tuple((center + side * along).tolist()) for side in (-apart, apart)]
-    uprights = [Block((thickness, width, height + sunk), foot, angle_deg) for foot in feet]
-    lintel = Block((thickness + 0.015, 0.315, 0.072), _polar(radius, angle_deg, height - 0.008), angle_deg)
-    return [*uprights, lintel]
+    return [
+        *(Block((thickness, width, height + sunk), foot, angle_deg) for foot in feet),
+        Block((thickness + 0.015, 0.315, 0.072), _polar(radius, angle_deg, height - 0.008), angle_deg),
+    ]
 
 
 def _ruins() -> list[Block]:

@@ -53,9 +53,11 @@ def correct_prior(
         "position_m": error[POSITION].norm().item(),
         "rotation_deg": math.degrees(error[ATTITUDE].norm().item()),
     }
-    converged = all(errors[name] < bound for name, bound in CONVERGED.items())
-    outcome = result.outcome.name.lower()
-    return {"error_m": size[0], "error_rad": size[1]} | errors | {"converged": converged, "outcome": outcome, "ms": ms}
+    return {"error_m": size[0], "error_rad": size[1]} | errors | {
+        "converged": all(errors[name] < bound for name, bound in CONVERGED.items()),
+        "outcome": result.outcome.name.lower(),
+        "ms": ms,
+    }  # fmt: skip
 
 
 def run(study: Study) -> ExperimentSteps:
@@ -70,8 +72,10 @@ def correct(arena: Arena, trial: Trial) -> list[Row]:
     _, states = fly_disturbed(arena, trial)
     truth = states[int(torch.randint(1, len(states.position), (1,), generator=generator))]
     image = take_picture(make_renderer(arena), truth.pose)
-    known = {"seed": trial.seed, "task": trial.task.name}
-    return [known | correct_prior(arena, truth, image, size, generator) for size in SIZES]
+    return [
+        {"seed": trial.seed, "task": trial.task.name} | correct_prior(arena, truth, image, size, generator)
+        for size in SIZES
+    ]
 
 
 def summarize(rows: Sequence[Row]) -> Row:

@@ -35,8 +35,7 @@ _OFF, _IN_A_ROW = 0.05, 3
 
 def run(study: Study) -> ExperimentSteps:
     """Fly all trials and count their outcomes."""
-    trials = trials_of(study)
-    flights = yield from run_trials(study, "flying", fly, trials)
+    flights = yield from run_trials(study, "flying", fly, trials_of(study))
     rows = tuple(flight["row"] for flight in flights)
     left = [task.name for task in study.tasks if task not in tasks_of(study)]
     robot = study.flights.robot
@@ -48,11 +47,10 @@ def run(study: Study) -> ExperimentSteps:
 def trials_of(study: Study) -> list[FlightTrial]:
     """The flights, those with the state known right after those by camera."""
     flights = study.flights
-    states = (False, True) if flights.truth else (False,)
     return [
         FlightTrial(_task(study, index), study.seed + index, known, flights.world, flights.risk, flights.robot)
         for index in range(study.trials or _TRIALS)
-        for known in states
+        for known in ((False, True) if flights.truth else (False,))
     ]
 
 
@@ -110,9 +108,8 @@ def steps_of(flown: Sequence[NavigationStep]) -> Row:
 def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row:
     """Figures of one flight; None where there are none."""
     last = flown[-1] if flown else None
-    outcome = REFUSED if last is None or last.outcome is None else last.outcome.name.lower()
     return {
-        "outcome": outcome,
+        "outcome": REFUSED if last is None or last.outcome is None else last.outcome.name.lower(),
         "steps": len(steps["nees"]),
         "hits_expected": flown[0].hits_expected if flown else None,
         "touches": sum(step.touched for step in flown),
@@ -139,12 +136,11 @@ def times_of(steps: Row) -> Row:
 def is_silent(steps: Row) -> bool:
     """Silent divergence: for three time steps in a row the estimated position is more than 5 cm off, the truth is
     outside the belief's 95 % ellipsoid, and the robot does not hold."""
-    run = 0
-    for off, inside, holds in zip(steps["position_m"], steps["inside_95"], steps["holds"], strict=True):
-        run = run + 1 if off > _OFF and not inside and not holds else 0
-        if run == _IN_A_ROW:
-            return True
-    return False
+    wrong = [
+        off > _OFF and not inside and not holds
+        for off, inside, holds in zip(steps["position_m"], steps["inside_95"], steps["holds"], strict=True)
+    ]
+    return any(all(wrong[first : first + _IN_A_ROW]) for first in range(len(wrong) - _IN_A_ROW + 1))
 
 
 def mean(values: Sequence[float]) -> float | None:

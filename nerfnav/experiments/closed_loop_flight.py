@@ -7,7 +7,7 @@ state feedback an estimator reads the true state, as an upper bound for all filt
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float
@@ -26,7 +26,7 @@ from nerfnav.estimator import (
 )
 from nerfnav.experiments.arena import Arena, make_renderer, make_searcher
 from nerfnav.field import UnknownSpace, planning_field
-from nerfnav.geometry import Camera, Pose
+from nerfnav.geometry import Pose
 from nerfnav.navigation import (
     WORLDS,
     FlightRequest,
@@ -53,7 +53,7 @@ from nerfnav.planner import (
 )
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.robots import Quadrotor, RigidState, Robot, StateNoise
-from nerfnav.world import MeshRenderer, Task, contact_check
+from nerfnav.world import Task, contact_check
 
 KNOWN = StateNoise.isotropic(1e-8)
 """Standard deviations of an exact belief: not zero, for covariances are inverted."""
@@ -152,10 +152,8 @@ def find_task(arena: Arena, trial: FlightTrial) -> Task:
 def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     """Plan problem in the field with unobserved space taken for solid."""
     robot = _planned(task.robot, trial.world)
-    field = planning_field(arena.field, UnknownSpace.OCCUPIED)
-    problem = PlanProblem(field, robot, task.start_state, task.goal_state)
-    seconds = problem.steps * problem.dt
-    if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), seconds):
+    problem = PlanProblem(planning_field(arena.field, UnknownSpace.OCCUPIED), robot, task.start_state, task.goal_state)
+    if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), problem.steps * problem.dt):
         return problem
     weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
     length = path_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)
@@ -172,8 +170,13 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     planner, safety_filter = build_safe_planner(
         entry, problem.field, occupancy, problem.robot, settings, config.noise, again
     )
+
+    def look(pose: Pose) -> Tensor:
+        if trial.known:  # no one looks at the picture
+            return torch.zeros(robot.camera.height, robot.camera.width, 3, dtype=torch.uint8)
+        return make_renderer(arena).render(robot.camera, pose).image
+
     contact = contact_check(arena.scene, robot.body)
-    look = partial(_black if trial.known else partial(_photo, make_renderer(arena)), robot.camera)
     simulator = world.simulate(
         Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
     )
@@ -181,23 +184,15 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
         config = replace(config, initial=KNOWN)
         stack = NavigationStack(planner, TrueStateEstimator(simulator), safety_filter=safety_filter)
     else:
-        make, camera = estimators.load("fast").make, robot.camera
         map_error = ConsiderCovariance(arena.field.info.pose_floor, robot.mount)
-        estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
-        searcher = make_searcher(arena, camera, config.filter.color_noise)
+        estimator = estimators.load("fast").make(
+            arena.field, robot, robot.camera, mount=robot.mount, config=config.filter
+        )
+        searcher = make_searcher(arena, robot.camera, config.filter.color_noise)
         stack = NavigationStack(planner, estimator, searcher, safety_filter, arena.field, map_error)
         stack = compensate_latency(stack, simulator)
     request = FlightRequest(problem.goal, problem.steps, problem.dt)
     return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))
-
-
-def _photo(renderer: MeshRenderer, camera: Camera, pose: Pose) -> Tensor:
-    return renderer.render(camera, pose).image
-
-
-def _black(camera: Camera, pose: Pose) -> Tensor:
-    """Black picture, for flights with state feedback."""
-    return torch.zeros(camera.height, camera.width, 3, dtype=torch.uint8)
 
 
 def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
@@ -207,8 +202,9 @@ def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
 
 @lru_cache(maxsize=4)
 def _map_at(arena: Arena, robot: str, height: float | None) -> OccupancyMap:
-    field = planning_field(arena.field, UnknownSpace.OCCUPIED)
-    return OccupancyMap.of(field, _robot(robot).body, OccupancyConfig(), height)
+    return OccupancyMap.of(
+        planning_field(arena.field, UnknownSpace.OCCUPIED), _robot(robot).body, OccupancyConfig(), height
+    )
 
 
 @lru_cache

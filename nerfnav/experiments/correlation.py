@@ -77,13 +77,16 @@ def observe_plan(arena: Arena, item: PlanTrial) -> list[Row]:
         return []
     problem = PlanProblem(arena.field, _ROBOT, start.start, start.route.goal, start.steps, start.route.dt)
     config = PlanConfig(iterations=item.iterations, weights=CostWeights(samples_per_step=_SAMPLES, margin=0.0))
-    rows = []
-    for step in yield_result(replan(problem, start, config)):
-        if step.iteration % item.every == 0 or isinstance(step, PlanResult):
-            loss = collision_per_step(arena.field, step.motion, _ROBOT.body, _SAMPLES).sum().item()
-            overlap = overlap_along(arena, step.motion)
-            rows.append({"task": item.task.name, "iteration": step.iteration, "loss": loss, "overlap_m4": overlap})
-    return rows
+    return [
+        {
+            "task": item.task.name,
+            "iteration": step.iteration,
+            "loss": collision_per_step(arena.field, step.motion, _ROBOT.body, _SAMPLES).sum().item(),
+            "overlap_m4": overlap_along(arena, step.motion),
+        }
+        for step in yield_result(replan(problem, start, config))
+        if step.iteration % item.every == 0 or isinstance(step, PlanResult)
+    ]
 
 
 def overlap_along(arena: Arena, motion: Motion) -> float:

@@ -39,8 +39,10 @@ def run_over_flights(
     study: Study, label: str, trial: Callable[[Arena, Trial], list[Row]]
 ) -> Generator[TrialDone, bool | None, list[Row]]:
     """Do a trial on as many flights as the study asks for, the tasks in turn; returns the rows of all."""
-    count = study.trials or _TRIALS
-    trials = [Trial(study.tasks[index % len(study.tasks)], study.seed * _TRIALS + index) for index in range(count)]
+    trials = [
+        Trial(study.tasks[index % len(study.tasks)], study.seed * _TRIALS + index)
+        for index in range(study.trials or _TRIALS)
+    ]
     answers = yield from run_trials(study, label, trial, trials)
     return [row for answer in answers for row in answer]
 
@@ -48,8 +50,7 @@ def run_over_flights(
 @per_arena
 def fast_filter(arena: Arena) -> FastFilter:
     """The quadrotor's filter for the arena's field, made once in each process."""
-    config = FilterConfig().for_field(arena.field.info)
-    return FastFilter(arena.field, robots.load("quadrotor"), CAMERA, config=config)
+    return FastFilter(arena.field, robots.load("quadrotor"), CAMERA, config=FilterConfig().for_field(arena.field.info))
 
 
 STEPS, DT = 20, 0.1
@@ -67,9 +68,8 @@ def fly_disturbed(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
     robot, plan = Quadrotor(), _plan(arena, trial.task)
     touches, renderer = contact_check(arena.scene, robot.body), MeshRenderer(arena.scene)
     generator = torch.Generator().manual_seed(trial.seed)
-    states = [trial.task.start_state]
     for _ in range(_REDRAWS):
-        states = states[:1]
+        states = [trial.task.start_state]
         for action in plan.actions:
             states.append(robot.step(states[-1], action, DT).retract(StateNoise().sample(generator)))
             if touches(states[-2], states[-1]) or _share_in_sight(renderer, states[-1]) < _IN_SIGHT:
@@ -84,8 +84,7 @@ def fly_disturbed(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
 
 def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
     """Share of a picture that shows more than sky."""
-    depth = renderer.render(_PROBE, state.pose.compose(FORWARD_MOUNT)).depth
-    return depth.isfinite().float().mean().item()
+    return renderer.render(_PROBE, state.pose.compose(FORWARD_MOUNT)).depth.isfinite().float().mean().item()
 
 
 @lru_cache(maxsize=64)

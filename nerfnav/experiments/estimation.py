@@ -37,9 +37,9 @@ def errors_of(belief: Belief, truth: RigidState) -> Row:
         part = error[index].double()
         return (part @ torch.linalg.solve(covariance[index][:, index], part)).item()
 
-    lengths = {name: error[part].norm().item() for name, part in ERRORS.items()}
-    place = nees([0, 1, 2])
-    return lengths | {"nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": place < _ELLIPSOID_95}
+    return {name: error[part].norm().item() for name, part in ERRORS.items()} | {
+        "nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": nees([0, 1, 2]) < _ELLIPSOID_95,
+    }  # fmt: skip
 
 
 _FIRST = StateNoise.isotropic(0.01**2)  # standard deviations of the first belief: 1 cm, 0.01 rad
@@ -54,19 +54,17 @@ def run(study: Study) -> ExperimentSteps:
 def follow(arena: Arena, trial: Trial) -> list[Row]:
     """Fly once, and let every method estimate."""
     actions, truths = fly_disturbed(arena, trial)
-    renderer = make_renderer(arena)
-    images = [take_picture(renderer, truths[index].pose) for index in range(1, STEPS + 1)]
+    images = [take_picture(make_renderer(arena), truths[index].pose) for index in range(1, STEPS + 1)]
     start = truths[0].retract(_FIRST.sample(torch.Generator().manual_seed(trial.seed)))
     rows = []
     for method in METHODS:
         generator = torch.Generator().manual_seed(trial.seed)
         belief = Belief(start, _FIRST.covariance())
-        for index, (action, image) in enumerate(zip(actions, images, strict=True)):
+        for step, (action, image) in enumerate(zip(actions, images, strict=True), 1):
             result = run_steps(_estimators(arena)[method].update(belief, image, action, DT, generator))
             belief = result.posterior
-            judged = errors_of(belief, truths[index + 1])
-            rows.append({"seed": trial.seed, "task": trial.task.name, "method": method, "step": index + 1} | judged
-                        | {"outcome": result.outcome.name.lower()})  # fmt: skip
+            rows.append({"seed": trial.seed, "task": trial.task.name, "method": method, "step": step}
+                        | errors_of(belief, truths[step]) | {"outcome": result.outcome.name.lower()})  # fmt: skip
     return rows
 
 
@@ -115,8 +113,7 @@ def draw_figure(rows: Sequence[Row]) -> Figure:
             ax.plot(steps, mean, color=color, label=method)
             lower, upper = (mean - deviation).clamp_min(0), mean + deviation
             ax.fill_between(steps, lower, upper, color=color, alpha=0.25, linewidth=0)
-        ax.set_xlabel("step")
-        ax.set_ylim(bottom=0)
+        ax.set(xlabel="step", ylim=(0, None))
     axes[0].legend(frameon=False)
     return figure
 
@@ -126,8 +123,8 @@ def _summary(rows: Sequence[Row]) -> Row:
     unit = {name: f"{name.rpartition('_')[0]}_rmse_{name.rpartition('_')[2]}" for name in ERRORS}
     summary: Row = {unit[name]: _rms(rows, name) for name in ERRORS}
     summary |= {f"final_{unit[name]}": _rms(last, name) for name in ("position_m", "rotation_rad")}
-    lost = [row for row in last if any(not row[name] <= bound for name, bound in _LOST.items())]
-    return summary | {"diverged": len(lost), "trials": len(last)}
+    diverged = sum(any(not row[name] <= bound for name, bound in _LOST.items()) for row in last)
+    return summary | {"diverged": diverged, "trials": len(last)}
 
 
 def _rms(rows: Sequence[Row], name: str) -> float:

@@ -25,28 +25,23 @@ from nerfnav.world import RayCaster, Scene, Solid
 
 _SAMPLES = 61
 """Densities along a normal."""
+_VIEWS, _VOXELS = 3, 3.0
+"""Cameras that must see a point of the surface; length of the piece of normal, and distance of free points from
+surfaces [voxels]."""
+_HALF_OPAQUE, _OPAQUE, _CLEAR = 1.0, 2.3, 1.0
+"""Optical depths that stop 63 % and 90 % of the light, and the density below which space counts as free [1/m]."""
 _MOST_SURFACE = 4_000_000
 """Points on the mesh to which distances are taken: at most."""
 
 
 @dataclass(frozen=True)
 class GeometryConfig:
-    """Sample sizes and thresholds of the measurement."""
+    """Sample sizes of the measurement."""
 
     surface_points: int = 6000
     """Points drawn on the mesh."""
     free_points: int = 30_000
     """Points drawn in the box."""
-    views: int = 3
-    """Cameras that must see a point of the surface."""
-    voxels: float = 3.0
-    """Length of the piece of normal, and distance of free points from surfaces [voxels]."""
-    half_opaque: float = 1.0
-    """Optical depth that stops 63 % of the light."""
-    opaque: float = 2.3
-    """Optical depth that stops 90 % of the light."""
-    clear: float = 1.0
-    """Density below which space counts as free [1/m]."""
 
 
 @dataclass(frozen=True)
@@ -78,25 +73,21 @@ def measure_geometry(
     points, face = trimesh.sample.sample_surface(scene.mesh, config.surface_points, seed=0)[:2]
     normals = torch.from_numpy(scene.mesh.face_normals[face]).float()
     surface = torch.from_numpy(np.asarray(points)).float()
-    seen = views(scene.mesh, surface, camera, poses, 0.5 * voxel) >= config.views
-    counted = seen & field.box.contains(surface)
-    drawn = torch.rand(config.free_points, 3, generator=torch.Generator().manual_seed(0))
-    space = field.box.lower + drawn * field.box.size
-    free = space[is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
+    counted = (views(scene.mesh, surface, camera, poses, 0.5 * voxel) >= _VIEWS) & field.box.contains(surface)
+    free = draw_free_points(field, scene, config.free_points, _VOXELS * voxel, 0.5 * voxel)
     if not counted.any() or len(free) == 0:
         raise InvalidInputError(
             "the mesh cannot judge the field: no point of its surface in the field's box is seen from where the "
             "cameras stood, or none of the box is free; a mesh must be in the field's frame and scale"
         )
-    depth = optical_depth(field, surface[counted], normals[counted], config.voxels * voxel)
-    clear = field.density(free) < config.clear
+    depth = optical_depth(field, surface[counted], normals[counted], _VOXELS * voxel)
     return GeometryReport(
         voxel,
         len(depth),
-        _share(depth >= config.half_opaque),
-        _share(depth >= config.opaque),
+        share_of(depth >= _HALF_OPAQUE),
+        share_of(depth >= _OPAQUE),
         len(free),
-        _share(clear),
+        share_of(field.density(free) < _CLEAR),
     )
 
 
@@ -106,8 +97,7 @@ def optical_depth(
 ) -> Float[Tensor, " n"]:
     """The integral of density over `length` [m] of each normal, centred on its point (midpoint rule)."""
     along = ((torch.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * length
-    density = field.density(points[:, None] + along[:, None] * normals[:, None])
-    return density.mean(1) * length
+    return field.density(points[:, None] + along[:, None] * normals[:, None]).mean(1) * length
 
 
 def views(
@@ -129,18 +119,23 @@ def views(
     return seen
 
 
-def is_free(scene: Scene, points: Float[Tensor, "n 3"], distance: float, spacing: float) -> Bool[Tensor, " n"]:
-    """Mask of points [m] that are in no solid and further than `distance` [m] from points `spacing` [m] apart on
-    the mesh."""
-    count = min(_MOST_SURFACE, max(1, round(scene.mesh.area / spacing**2)))
-    surface = trimesh.sample.sample_surface(scene.mesh, count, seed=1)[0]
+def draw_free_points(
+    field: Field, scene: Scene, count: int, distance: float, spacing: float
+) -> Float[Tensor, "n 3"]:
+    """Of `count` points [m] drawn in the field's box, always the same, those that are in no solid and further than
+    `distance` [m] from points `spacing` [m] apart on the mesh."""
+    drawn = torch.rand(count, 3, generator=torch.Generator().manual_seed(0))
+    points = field.box.lower + drawn * field.box.size
+    on_mesh = min(_MOST_SURFACE, max(1, round(scene.mesh.area / spacing**2)))
+    surface = trimesh.sample.sample_surface(scene.mesh, on_mesh, seed=1)[0]
     queries = points.double().numpy()
     away, _ = KDTree(surface).query(queries, distance_upper_bound=distance)
     free = np.isinf(away)
     for mesh in scene.solids:
         free[free] = ~Solid(mesh).contains(queries[free])
-    return torch.from_numpy(free)
+    return points[torch.from_numpy(free)]
 
 
-def _share(true: Bool[Tensor, " n"]) -> float:
+def share_of(true: Bool[Tensor, " n"]) -> float:
+    """Share of the entries that are true."""
     return float(true.float().mean())

@@ -18,30 +18,26 @@ from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 from torch import Tensor
 
-from nerfnav.experiments.field_geometry import is_free, views
+from nerfnav.experiments.field_geometry import draw_free_points, share_of, views
 from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, UnknownSpace, planning_field
 from nerfnav.field.core.occupancy import unproven_shares
 from nerfnav.geometry import Camera, Pose, PosedImages
 from nerfnav.world import Scene
 
+_SURFACE_VIEWS, _FREE_VIEWS, _VOXELS = 1, 3, 2.0
+"""Cameras that must see a point of the surface, and a free point; distance of free points from surfaces [voxels]."""
 _MOST_ENDS = 400_000
 """Points on surfaces that are taken from depth maps, at most."""
 
 
 @dataclass(frozen=True)
 class FreeSpaceConfig:
-    """Number of test points, and the cameras that must see them."""
+    """Number of test points."""
 
     surface_points: int = 6000
     """Points drawn on the surface."""
     free_points: int = 10_000
     """Points drawn in the box."""
-    surface_views: int = 1
-    """Cameras that must see a point of the surface."""
-    free_views: int = 3
-    """Cameras that must see a free point."""
-    voxels: float = 2.0
-    """Distance of free points from surfaces [voxels]."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +71,9 @@ def measure_free_space_on_mesh(
     drawn = trimesh.sample.sample_surface(scene.mesh, config.surface_points, seed=0)[0]
     surface = torch.from_numpy(np.asarray(drawn)).float()
     surface = surface[field.box.contains(surface)]
-    surface = surface[views(scene.mesh, surface, camera, poses, 0.5 * voxel) >= config.surface_views]
-    space = field.box.lower + torch.rand(config.free_points, 3, generator=_same()) * field.box.size
-    space = space[is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
-    space = space[views(scene.mesh, space, camera, poses, 0.0) >= config.free_views]
+    surface = surface[views(scene.mesh, surface, camera, poses, 0.5 * voxel) >= _SURFACE_VIEWS]
+    space = draw_free_points(field, scene, config.free_points, _VOXELS * voxel, 0.5 * voxel)
+    space = space[views(scene.mesh, space, camera, poses, 0.0) >= _FREE_VIEWS]
     return _accuracy(field, voxel, surface, space)
 
 
@@ -95,8 +90,8 @@ def measure_free_space_on_depth(
     space = _some(origins + (share * distance)[:, None] * directions, config.free_points)
     space = space[field.box.contains(space)]
     away, _ = KDTree(_some(ends, _MOST_ENDS).numpy()).query(space.numpy())
-    space = space[torch.from_numpy(away > config.voxels * voxel)]
-    space = space[_looks_past(others, space) >= config.free_views]
+    space = space[torch.from_numpy(away > _VOXELS * voxel)]
+    space = space[_looks_past(others, space) >= _FREE_VIEWS]
     return _accuracy(field, voxel, surface[field.box.contains(surface)], space)
 
 
@@ -113,12 +108,11 @@ def describe_free_space_accuracy(accuracy: FreeSpaceAccuracy) -> str:
         parts.append(f"planners take {accuracy.surface_taken_for_free:.1%} of the true surface for free")
     if accuracy.free_taken_for_free is not None:
         parts.append(f"{accuracy.free_taken_for_free:.1%} of the space that is free")
-    sentences = [f"{' and '.join(parts)}"] if parts else []
     if accuracy.unproven_share is None:
-        sentences.append("nothing proves what is free here: plans trust the field alone")
+        proof = "nothing proves what is free here: plans trust the field alone"
     else:
-        sentences.append(f"{accuracy.unproven_share:.0%} of the box is unproven and counts as solid")
-    return "; ".join(sentences)
+        proof = f"{accuracy.unproven_share:.0%} of the box is unproven and counts as solid"
+    return "; ".join([" and ".join(parts), proof] if parts else [proof])
 
 
 def note_free_space(info: FieldInfo, accuracy: FreeSpaceAccuracy) -> FieldInfo:
@@ -134,7 +128,7 @@ def note_free_space(info: FieldInfo, accuracy: FreeSpaceAccuracy) -> FieldInfo:
 def _accuracy(
     field: Field, voxel: float, surface: Float[Tensor, "n 3"], space: Float[Tensor, "m 3"]
 ) -> FreeSpaceAccuracy:
-    shares = [_share(taken_for_free(field, points)) if len(points) else None for points in (surface, space)]
+    shares = [share_of(taken_for_free(field, points)) if len(points) else None for points in (surface, space)]
     return FreeSpaceAccuracy(shares[0], shares[1], measure_unproven_share(field, voxel).unproven_share, voxel)
 
 
@@ -168,7 +162,3 @@ def _some(points: Float[Tensor, "n 3"], most: int) -> Float[Tensor, "m 3"]:
 
 def _same() -> torch.Generator:
     return torch.Generator().manual_seed(0)
-
-
-def _share(true: Tensor) -> float:
-    return float(true.float().mean())

@@ -49,10 +49,6 @@ def outlines(arena: Arena, height: float) -> np.ndarray:
     return np.concatenate([np.reshape(cut, (-1, 2, 3))[..., :2] for cut in cuts])
 
 
-_HELD = 1e4
-"""Weight of a heading that is held, in units of J for a squared radian: it strays by less than a degree."""
-
-
 def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     """Cost of turning away from the first attitude: squared angles [rad^2], summed over time."""
     rotation = motion.states.rotation
@@ -60,7 +56,8 @@ def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     return turned.square().sum((-2, -1))
 
 
-HEADING_HELD = CostTerm("heading held", heading_held, _HELD)
+HEADING_HELD = CostTerm("heading held", heading_held, 1e4)
+"""Its weight, in units of J for a squared radian, lets the heading stray by less than a degree."""
 
 
 @dataclass(frozen=True)
@@ -76,16 +73,12 @@ class Drive:
 def drives_of(task: Task) -> list[Drive]:
     """The trials of a task: a heading can only be held where start and goal have the same."""
     if task.robot == WHEELS:
-        return [Drive(task), Drive(_back(task))]
+        back = replace(
+            task, name=f"{task.name}, and back", start=task.goal, goal=task.start, start_yaw=task.goal_yaw,
+            goal_yaw=task.start_yaw,
+        )  # fmt: skip
+        return [Drive(task), Drive(back)]
     return [Drive(task, held) for held in ((False, True) if task.start_yaw == task.goal_yaw else (False,))]
-
-
-def _back(task: Task) -> Task:
-    """Return trip, in reverse gear."""
-    return replace(
-        task, name=f"{task.name}, and back", start=task.goal, goal=task.start, start_yaw=task.goal_yaw,
-        goal_yaw=task.start_yaw,
-    )  # fmt: skip
 
 
 _STEPS, _DT = 30, 0.1

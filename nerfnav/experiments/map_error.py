@@ -33,12 +33,11 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
 
 def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
     """Position errors [m] and covariances without the floor that the flights assume [m^2]."""
-    config = FilterConfig().for_field(arena.field.info)
-    assumed = config.floor_at(arena.field.resolution).position_m
+    assumed = FilterConfig().for_field(arena.field.info).floor_at(arena.field.resolution).position_m
     for seed in range(_FIRST_SEED, _FIRST_SEED + flights):
         for step in fly_steps(arena, FlightTrial(None, seed, robot="quadrotor")):
-            if step.update is None or step.update.outcome is not FilterOutcome.UPDATED:
-                continue  # of a picture that says little, little is believed, with any floor
-            posterior = step.update.posterior
-            said = posterior.covariance[POSITION, POSITION].double().numpy()
-            yield posterior.mean.local(step.truth)[POSITION].double().numpy(), said - assumed**2 * np.eye(3)
+            # of a picture that says little, little is believed, with any floor
+            if step.update is not None and step.update.outcome is FilterOutcome.UPDATED:
+                posterior = step.update.posterior
+                said = posterior.covariance[POSITION, POSITION].double().numpy()
+                yield posterior.mean.local(step.truth)[POSITION].double().numpy(), said - assumed**2 * np.eye(3)

@@ -53,17 +53,14 @@ def make_contender(arena: Arena, name: str, seed: int) -> Planner:
     """The planner of that name, with its maps made before; `seed` is of what is random in it."""
     occupancy, check = _maps(arena)
     if name == "rrt":
-        tree = RRTConfig(seed=seed)
-        return planners.load("rrt").make(arena.field, ROBOT, tree, occupancy=occupancy, check=check)
-    known_as = {"nerfnav": "fast"}.get(name, name)
-    return planners.load(known_as).make(arena.field, ROBOT, occupancy=occupancy)
+        return planners.load("rrt").make(arena.field, ROBOT, RRTConfig(seed=seed), occupancy=occupancy, check=check)
+    return planners.load("fast" if name == "nerfnav" else name).make(arena.field, ROBOT, occupancy=occupancy)
 
 
 @per_arena
 def _maps(arena: Arena) -> tuple[OccupancyMap, BallCheck]:
     """Maps of the field for the planners, made once."""
-    occupancy = OccupancyMap.of(arena.field, ROBOT.body)
-    return occupancy, ball_check(arena.field, ROBOT, RRTConfig())
+    return OccupancyMap.of(arena.field, ROBOT.body), ball_check(arena.field, ROBOT, RRTConfig())
 
 
 _STEPS, _DT = 20, 0.1
@@ -130,10 +127,8 @@ def _row(arena: Arena, flight: Flight, plan: PlanResult, plan_ms: float) -> Row:
 
 def summarize(rows: Sequence[Row]) -> dict[str, Row]:
     """Summarize the failures and mean costs of each planner."""
-    summary = {}
-    for name in _contenders(rows):
-        mine = [row for row in rows if row["planner"] == name]
-        summary[name] = {
+    return {
+        name: {
             "flights": len(mine),
             "failures": sum(row["failed"] for row in mine),
             "touched": sum(row["touched"] for row in mine),
@@ -143,22 +138,24 @@ def summarize(rows: Sequence[Row]) -> dict[str, Row]:
             "effort_median": statistics.median(row["effort"] for row in mine),
             "plan_ms_median": statistics.median(row["plan_ms"] for row in mine),
         }
-    return summary
+        for name, mine in _by_planner(rows).items()
+    }
 
 
 def draw_figure(rows: Sequence[Row]) -> Figure:
     """Bars as in the paper's figure, and every flight as a dot."""
     figure, (collision, effort, failures) = panels(("Collision cost (Eq. 1)", "Control effort", "Failed flights"))
-    names = _contenders(rows)
+    flights = _by_planner(rows)
     for axes, key, unit in ((collision, "collision", "sum of density x way"), (effort, "effort", "sum of u' Gamma u")):
-        samples = {name: [row[key] for row in rows if row["planner"] == name] for name in names}
+        samples = {name: [row[key] for row in mine] for name, mine in flights.items()}
         axes.set_yscale("log")
         bars(axes, {name: statistics.fmean(values) for name, values in samples.items()}, unit + ", mean", samples)
-    failed = {name: float(sum(row["failed"] for row in rows if row["planner"] == name)) for name in names}
-    bars(failures, failed, f"of {len(rows) // len(names)}")
+    failed = {name: float(sum(row["failed"] for row in mine)) for name, mine in flights.items()}
+    bars(failures, failed, f"of {len(rows) // len(flights)}")
     return figure
 
 
-def _contenders(rows: Sequence[Row]) -> tuple[str, ...]:
-    """The planners that took part, in the order of PLANNERS."""
-    return tuple(name for name in PLANNERS if any(row["planner"] == name for row in rows))
+def _by_planner(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Rows of each planner that took part, in the order of PLANNERS."""
+    found = {name: [row for row in rows if row["planner"] == name] for name in PLANNERS}
+    return {name: mine for name, mine in found.items() if mine}

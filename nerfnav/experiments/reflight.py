@@ -34,7 +34,7 @@ from nerfnav.experiments.planners import ROBOT, make_contender
 from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.export import Exported, Recording
 from nerfnav.export.autopilots import px4
-from nerfnav.export.crazyflie import FitConfig, crazyflie
+from nerfnav.export.crazyflie import crazyflie
 from nerfnav.geometry import so3
 from nerfnav.planner import PlanResult, Route
 from nerfnav.robots import Quadrotor, QuadrotorConfig, RigidState
@@ -69,18 +69,10 @@ class Track:
     """[s]"""
 
 
-@dataclass(frozen=True)
-class FlownConfig:
-    """Options of the simulation."""
-
-    rate_hz: int = 500
-    """Of controllers and of the integration."""
-    settling_s: float = 0.5
-    """Time for which the end is held [s]."""
-    kp_att: float = 2000.0
-    """Attitude gain of the quick loop [1/s^2]."""
-    kd_att: float = 90.0
-    """Rate gain of the quick loop [1/s]."""
+_RATE_HZ, _SETTLING_S = 500, 0.5
+"""Rate of controllers and of the integration, and time for which the end is held [s]."""
+_QUICK = {"kp_att": 2000.0, "kd_att": 90.0}
+"""Gains of the quick loop: attitude [1/s^2] and rate [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -102,15 +94,20 @@ class Flown:
 Control = Callable[[float, dict[str, Any], Setpoint], dict[str, Any]]
 
 
-def fly_quick(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
+def fly_quick(track: Track, robot: Quadrotor) -> Flown:
     """The robot with the rotors of a Hummingbird, which answer within 5 ms, under the SE(3) controller."""
-    params = _scaled(_params("hummingbird"), robot.config) | {"kp_att": config.kp_att, "kd_att": config.kd_att}
+    params = _scaled(_params("hummingbird"), robot.config) | _QUICK
     controller = import_extra("rotorpy.controllers.quadrotor_control", "reflight", _USER).SE3Control(params)
 
     def control(time: float, state: dict[str, Any], setpoint: Setpoint) -> dict[str, Any]:
-        return controller.update(time, state, _flat_output(setpoint))
+        flat_output = {
+            "x": setpoint.position, "x_dot": setpoint.velocity, "x_ddot": setpoint.acceleration,
+            "x_dddot": np.zeros(3), "x_ddddot": np.zeros(3),
+            "yaw": setpoint.yaw, "yaw_dot": setpoint.yaw_rate,
+        }  # fmt: skip
+        return controller.update(time, state, flat_output)
 
-    return _fly(params, "cmd_motor_speeds", control, track, config)
+    return _fly(params, "cmd_motor_speeds", control, track)
 
 
 def _scaled(params: dict[str, Any], robot: QuadrotorConfig) -> dict[str, Any]:
@@ -124,7 +121,7 @@ def _scaled(params: dict[str, Any], robot: QuadrotorConfig) -> dict[str, Any]:
     return params | forces | inertia | {"mass": robot.mass, "rotor_pos": places}
 
 
-def fly_crazyflie(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
+def fly_crazyflie(track: Track, robot: Quadrotor) -> Flown:
     """RotorPy's Crazyflie, whatever was planned for, under Mellinger's controller with the gains of the firmware."""
     os.environ.setdefault("SCIPY_ARRAY_API", "1")  # drone-controllers asks for it where scipy is imported already
     library = import_extra("drone_controllers", "reflight", _USER)
@@ -138,16 +135,16 @@ def fly_crazyflie(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
         heading = [setpoint.yaw, 0.0, 0.0, setpoint.yaw_rate]
         command = np.concatenate([setpoint.position, setpoint.velocity, setpoint.acceleration, heading])
         attitude_setpoint, errors["position"] = position(
-            **seen, cmd=command, ctrl_errors=_previous(errors["position"]), ctrl_freq=config.rate_hz
+            **seen, cmd=command, ctrl_errors=_previous(errors["position"]), ctrl_freq=_RATE_HZ
         )
         force, torque, errors["attitude"] = attitude(
             **seen, cmd=attitude_setpoint, prev_ang_vel=errors["rate"], ctrl_errors=_previous(errors["attitude"]),
-            ctrl_freq=config.rate_hz,
+            ctrl_freq=_RATE_HZ,
         )  # fmt: skip
         errors["rate"] = state["w"]
         return {"cmd_thrust": float(force[0]), "cmd_moment": torque}
 
-    return _fly(_params("crazyflie"), "cmd_ctbm", control, track, config)
+    return _fly(_params("crazyflie"), "cmd_ctbm", control, track)
 
 
 def _previous(error: Any) -> tuple[Any] | None:
@@ -158,18 +155,9 @@ def _params(vehicle: str) -> dict[str, Any]:
     return dict(import_extra(f"rotorpy.vehicles.{vehicle}_params", "reflight", _USER).quad_params)
 
 
-def _flat_output(setpoint: Setpoint) -> dict[str, Any]:
-    still = np.zeros(3)
-    return {
-        "x": setpoint.position, "x_dot": setpoint.velocity, "x_ddot": setpoint.acceleration,
-        "x_dddot": still, "x_ddddot": still,
-        "yaw": setpoint.yaw, "yaw_dot": setpoint.yaw_rate,
-    }  # fmt: skip
-
-
-def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Track, config: FlownConfig) -> Flown:
+def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Track) -> Flown:
     """From rest at the first setpoint along the track, and for a while at its end."""
-    first, dt = track.setpoint(0.0), 1 / config.rate_hz
+    first, dt = track.setpoint(0.0), 1 / _RATE_HZ
     hover = np.sqrt(params["mass"] * 9.81 / (params["num_rotors"] * params["k_eta"]))
     state = {
         "x": first.position.copy(), "v": np.zeros(3),
@@ -179,7 +167,7 @@ def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Trac
     multirotor = import_extra("rotorpy.vehicles.multirotor", "reflight", _USER).Multirotor
     vehicle = multirotor(params, state, abstraction, integrator_kwargs={"method": "RK23", "max_step": dt})
     rows = []
-    for index in range(round((track.duration + config.settling_s) * config.rate_hz) + 1):
+    for index in range(round((track.duration + _SETTLING_S) * _RATE_HZ) + 1):
         setpoint = track.setpoint(index * dt)
         rows.append((index * dt, state["x"], state["v"], state["q"], np.linalg.norm(state["x"] - setpoint.position)))
         state = vehicle.step(state, control(index * dt, state, setpoint), dt)
@@ -190,7 +178,8 @@ def track_of_px4(content: bytes) -> Track:
     """Setpoints of a file of the format px4; each row is held until the next comes."""
     rows = np.genfromtxt(io.BytesIO(content), delimiter=",", skip_header=2)
     seconds = 1e-6 * rows[:, 0]
-    position, velocity, acceleration = (_enu(rows[:, first : first + 3]) for first in (1, 4, 7))
+    # north, east, down to east, north, up
+    position, velocity, acceleration = (rows[:, [east, east - 1, east + 1]] * [1, 1, -1] for east in (2, 5, 8))
     yaw, yaw_rate = np.pi / 2 - rows[:, 13], -rows[:, 14]
 
     def setpoint(time: float) -> Setpoint:
@@ -218,10 +207,6 @@ def track_of_crazyflie(content: bytes) -> Track:
     return Track(setpoint, float(ends[-1]))
 
 
-def _enu(ned: np.ndarray) -> np.ndarray:
-    return ned[:, [1, 0, 2]] * [1, 1, -1]
-
-
 _STEPS, _DT = 20, 0.1
 """Length of a flight: 2 s, as in the paper."""
 _JUDGED_HZ = 50
@@ -241,7 +226,7 @@ class Vehicle:
     """Makes the file."""
     track: Callable[[bytes], Track]
     """Reads it."""
-    fly: Callable[[Track, Quadrotor, FlownConfig], Flown]
+    fly: Callable[[Track, Quadrotor], Flown]
     """Flies it."""
 
 
@@ -249,7 +234,7 @@ VEHICLES = (
     Vehicle("rotorpy-se3", px4, track_of_px4, fly_quick),
     Vehicle(
         "crazyflie-mellinger",
-        partial(crazyflie, config=FitConfig(thrust_per_weight=_CRAZYFLIE_THRUST)),
+        partial(crazyflie, thrust_per_weight=_CRAZYFLIE_THRUST),
         track_of_crazyflie,
         fly_crazyflie,
     ),
@@ -285,11 +270,10 @@ def _row(arena: Arena, task: Task, plan: PlanResult, vehicle: Vehicle) -> Row:
     except InvalidInputError as error:
         return known | {"exported": str(error)} | dict.fromkeys(_MEASURED)
     track = vehicle.track(exported.content)
-    flown = vehicle.fly(track, ROBOT, FlownConfig())
+    flown = vehicle.fly(track, ROBOT)
     report = judge(arena.scene, ROBOT.body, poses_of(flown))
     rms, most = float(np.sqrt(np.mean(flown.error_m**2))), float(flown.error_m.max())
-    clean = not bool(report.touched_poses.any())
-    measured = (clean, report.max_overlap_m3, 1e3 * rms, 1e3 * most, track.duration)
+    measured = (not bool(report.touched_poses.any()), report.max_overlap_m3, 1e3 * rms, 1e3 * most, track.duration)
     return known | {"exported": "", **dict(zip(_MEASURED, measured, strict=True))}
 
 

@@ -69,10 +69,9 @@ def search(arena: Arena, lost: LostCamera) -> Row:
     result = run_steps(searcher.relocalise(picture.image))
     seconds = time.perf_counter() - begun
     last = result.step
-    turn = so3.local(lost.pose.rotation, last.poses.rotation[0]).norm()
     errors = {
         "position_m": (last.poses.position[0] - lost.pose.position).norm().item(),
-        "rotation_deg": torch.rad2deg(turn).item(),
+        "rotation_deg": torch.rad2deg(so3.local(lost.pose.rotation, last.poses.rotation[0]).norm()).item(),
     }
     return {"kind": lost.kind, "index": lost.index} | errors | {
         "right": all(errors[name] <= bound for name, bound in RIGHT.items()),

@@ -51,8 +51,7 @@ def first_guess(arena: Arena, seed: int, error_rad: float) -> tuple[RigidState, 
     error = torch.zeros(TANGENT)
     error[POSITION] = _OFF * torch.randn(3, generator=generator)
     error[ATTITUDE] = error_rad * torch.nn.functional.normalize(torch.randn(3, generator=generator), dim=0)
-    wide = StateNoise(_OFF, _OFF, error_rad, _OFF)
-    prediction = Belief(truth.retract(error), wide.covariance())
+    prediction = Belief(truth.retract(error), StateNoise(_OFF, _OFF, error_rad, _OFF).covariance())
     return truth, prediction.mean, PoseCost.of(seen, prediction, ColorNoise(alike=1.0))  # without noise: to be matched
 
 

@@ -60,8 +60,8 @@ def px4(recording: Recording) -> Exported:
         f"px4_msgs/msg/TrajectorySetpoint, MESSAGE_VERSION {MESSAGE_VERSION}; NED from the origin of the world; "
         f"{RATE_HZ} Hz; of {curve.motion}; {_ending(recording)}"
     )
-    content = csv_of(comment, SETPOINT_COLUMNS, np.concatenate(table, -1).tolist())
-    return Exported(content, {"message_version": MESSAGE_VERSION, **describe_setpoints(recording, curve)}, curve.shape)
+    info = {"message_version": MESSAGE_VERSION, **describe_setpoints(recording, curve)}
+    return Exported(csv_of(comment, SETPOINT_COLUMNS, np.concatenate(table, -1).tolist()), info, curve.shape)
 
 
 def px4_odometry(recording: Recording) -> Exported:
@@ -75,8 +75,8 @@ def px4_odometry(recording: Recording) -> Exported:
         f"px4_msgs/msg/VehicleOdometry, MESSAGE_VERSION {MESSAGE_VERSION}, for the topic vehicle_visual_odometry; "
         f"pose and velocity in NED, body in FRD; what the robot believed; {_ending(recording)}"
     )
-    rows = [_odometry(step) for step in recording.steps]
-    return Exported(csv_of(comment, ODOMETRY_COLUMNS, rows), {"message_version": MESSAGE_VERSION, "frame": "NED"})
+    content = csv_of(comment, ODOMETRY_COLUMNS, map(_odometry, recording.steps))
+    return Exported(content, {"message_version": MESSAGE_VERSION, "frame": "NED"})
 
 
 def ardupilot(recording: Recording) -> Exported:
@@ -92,19 +92,16 @@ def ardupilot(recording: Recording) -> Exported:
         f"estimator at the origin of the world; type_mask {TYPE_MASK} (all but yaw_rate); {RATE_HZ} Hz; "
         f"of {curve.motion}; {_ending(recording)}"
     )
-    content = csv_of(comment, ARDUPILOT_COLUMNS, np.concatenate(table, -1).tolist())
-    return Exported(
-        content, {"type_mask": TYPE_MASK, "origin": "the world's", **describe_setpoints(recording, curve)}, curve.shape
-    )
+    info = {"type_mask": TYPE_MASK, "origin": "the world's", **describe_setpoints(recording, curve)}
+    return Exported(csv_of(comment, ARDUPILOT_COLUMNS, np.concatenate(table, -1).tolist()), info, curve.shape)
 
 
 def _odometry(step: NavigationStep) -> list[float]:
-    mean, covariance = step.belief.mean, step.belief.covariance.double()
+    mean, variance = step.belief.mean, step.belief.covariance.double().diagonal().clamp_min(0)
     time_us = round(step.time * 10**6)
     quaternion = so3.quaternion_from_matrix(_NED_OF_ENU @ mean.rotation.double() @ _FLIP)
-    variance = covariance.diagonal().clamp_min(0)
     swapped = torch.tensor([1, 0, 2])  # the variances of north and east; those of up and down are one
-    parts = [
+    numbers = torch.cat([
         ned_of_enu(mean.position.double()),
         quaternion * (1.0 if quaternion[0] >= 0 else -1.0),
         ned_of_enu(mean.velocity.double()),
@@ -112,9 +109,8 @@ def _odometry(step: NavigationStep) -> list[float]:
         variance[POSITION][swapped],
         variance[ATTITUDE],  # about the body's axes, as the belief has it
         variance[VELOCITY][swapped],
-    ]
-    numbers = torch.cat(parts).tolist()
-    return [time_us, time_us, _POSE_FRAME_NED, _VELOCITY_FRAME_NED, *numbers, 0, 0]
+    ])  # fmt: skip
+    return [time_us, time_us, _POSE_FRAME_NED, _VELOCITY_FRAME_NED, *numbers.tolist(), 0, 0]
 
 
 def _ending(recording: Recording) -> str:

@@ -10,10 +10,7 @@ that. The vehicle's memory holds no more than 31 pieces; crazyswarm2 reads no fi
 multiples of 2^-16 s, so that their sum is exact in whatever order it is taken.
 """
 
-import csv
-import io
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -23,56 +20,52 @@ from nerfnav.export.curves import Curve, curve_of, quadrotor_of, slow_down
 from nerfnav.export.flatness import QuadrotorLimits, peak_demands, slowdown_within
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.splines import ORDER, Samples, fit
+from nerfnav.export.tables import csv_lines
 from nerfnav.planner import PiecewisePolynomial
 
 MOST_PIECES, _FEWEST_PIECES = 31, 2
 """Pieces that fit the vehicle's memory of 4 kB at 132 bytes each, and that all loaders read."""
 _TICK = 2.0**-16  # [s]
+_BOUND_M = 0.05
+"""Largest error of the fit; above it the export is refused [m]."""
+_STEPS_PER_PIECE, _SAMPLES_PER_STEP = 2, 4
+"""Time steps that a piece covers, as far as the memory allows, and instants of a step at which the curve is followed.
+"""
+_SCALES = (0.01, 0.1, 1.0)
+"""Differences of position [m], velocity [m/s] and acceleration [m/s^2] that weigh alike; for the yaw in rad."""
+_SMOOTHING = 1e-6
+"""Weight of the squared snap [s^7]."""
 
 
-@dataclass(frozen=True)
-class FitConfig:
-    """Tolerances of the polynomial fit."""
-
-    bound_m: float = 0.05
-    """Largest error of the fit; above it the export is refused [m]."""
-    steps_per_piece: int = 2
-    """Time steps that a piece covers, as far as the memory allows."""
-    samples_per_step: int = 4
-    """Instants of a time step at which the curve is followed."""
-    scales: tuple[float, float, float] = (0.01, 0.1, 1.0)
-    """Differences of position [m], velocity [m/s] and acceleration [m/s^2] that weigh alike; for the yaw in rad."""
-    smoothing: float = 1e-6
-    """Weight of the squared snap [s^7]."""
-    thrust_per_weight: float | None = None
-    """Most thrust as a share of the weight, for a vehicle that has less of it than the robot; None: the robot's."""
-
-
-def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported:
+def crazyflie(recording: Recording, thrust_per_weight: float | None = None) -> Exported:
     """Fit polynomial pieces to the curve; the info holds the largest error and the demands on the robot.
 
-    Raises InvalidInputError where no 31 pieces come within the bound, or the robot's limits are not kept even slowly.
+    `thrust_per_weight` is the most thrust as a share of the weight, for a vehicle that has less of it than the robot;
+    None: the robot's. Raises InvalidInputError where no 31 pieces come within the bound, or the robot's limits are not
+    kept even slowly.
     """
-    config = config or FitConfig()
     curve, limits = curve_of(recording), QuadrotorLimits.of(quadrotor_of(recording))
-    if config.thrust_per_weight is not None:
-        limits = limits.with_thrust(config.thrust_per_weight)
+    if thrust_per_weight is not None:
+        limits = limits.with_thrust(thrust_per_weight)
     steps = len(recording.times) - 1
-    count = max(_FEWEST_PIECES, min(MOST_PIECES, steps // config.steps_per_piece))
-    shape = _fitted(curve, count, steps * config.samples_per_step, config)
-    at = np.linspace(0.0, curve.duration, steps * config.samples_per_step + 1)
+    count = max(_FEWEST_PIECES, min(MOST_PIECES, steps // _STEPS_PER_PIECE))
+    at = np.linspace(0.0, curve.duration, steps * _SAMPLES_PER_STEP + 1)
+    shape = _fitted(curve, at, count)
     off = np.abs(shape(torch.from_numpy(at)).numpy() - curve.at(at))
-    if (worst := float(np.linalg.norm(off[:, :3], axis=-1).max())) > config.bound_m:
+    if (worst := float(np.linalg.norm(off[:, :3], axis=-1).max())) > _BOUND_M:
         raise InvalidInputError(
-            f"polynomials follow this curve only to {100 * worst:.1f} cm, and {100 * config.bound_m:.0f} cm "
+            f"polynomials follow this curve only to {100 * worst:.1f} cm, and {100 * _BOUND_M:.0f} cm "
             f"is the bound: export less than these {curve.duration:.0f} s, for {MOST_PIECES} pieces are the most"
         )
     flown = slow_down(curve, slowdown_within(shape, limits))
     duration = math.ceil(flown.duration / count / _TICK) * _TICK
     shape = PiecewisePolynomial(duration * torch.arange(count + 1, dtype=torch.float64), shape.coefficients)
-    info = {"pieces": count, "max_fit_error_m": worst, "max_fit_error_rad": float(off[:, 3].max())}
-    info |= {"motion": flown.motion, "stretched_by": curve.stretched_by * duration * count / curve.duration}
-    return Exported(_csv(shape), info | {"off_rows_m": flown.off_m} | demands_of(shape, limits), shape)
+    info = {
+        "pieces": count, "max_fit_error_m": worst, "max_fit_error_rad": float(off[:, 3].max()),
+        "motion": flown.motion, "stretched_by": curve.stretched_by * duration * count / curve.duration,
+        "off_rows_m": flown.off_m,
+    }  # fmt: skip
+    return Exported(_csv(shape), info | demands_of(shape, limits), shape)
 
 
 def demands_of(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> dict[str, float]:
@@ -88,19 +81,18 @@ def demands_of(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> dict[str,
     }
 
 
-def _fitted(curve: Curve, count: int, samples: int, config: FitConfig) -> PiecewisePolynomial:
-    times = np.linspace(0.0, curve.duration, samples + 1)
+def _fitted(curve: Curve, times: np.ndarray, count: int) -> PiecewisePolynomial:
     known = tuple(curve.at(times, order) for order in range(3))
     ends = tuple(values[[0, -1]] for values in known)
-    return fit(Samples(times, known, config.scales, ends), count, config.smoothing)
+    return fit(Samples(times, known, _SCALES, ends), count, _SMOOTHING)
 
 
 def _csv(shape: PiecewisePolynomial) -> bytes:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["duration", *(f"{axis}^{j}" for axis in ("x", "y", "z", "yaw") for j in range(ORDER + 1))])
+    header = ["duration", *(f"{axis}^{j}" for axis in ("x", "y", "z", "yaw") for j in range(ORDER + 1))]
     spans = shape.times.diff().numpy()
     powers = np.swapaxes(shape.coefficients.numpy() / spans[:, None, None] ** np.arange(ORDER + 1)[:, None], 1, 2)
-    for span, piece in zip(spans, powers, strict=True):
-        writer.writerow([repr(float(span)), *(f"{value:.12g}" for value in piece.reshape(-1))])
-    return stream.getvalue().encode()
+    pieces = [
+        [repr(float(span)), *(f"{value:.12g}" for value in piece.reshape(-1))]
+        for span, piece in zip(spans, powers, strict=True)
+    ]
+    return csv_lines([header, *pieces]).encode()

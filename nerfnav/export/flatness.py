@@ -41,16 +41,14 @@ class QuadrotorLimits:
 
     def with_thrust(self, per_weight: float) -> "QuadrotorLimits":
         """The same with no more thrust than so many times the weight, and no more tilt than that holds up."""
-        thrust, tilt = per_weight * self.mass * self.gravity, float(np.arccos(1 / per_weight))
-        less = {"thrust": thrust, "tilt": tilt}
+        less = {"thrust": per_weight * self.mass * self.gravity, "tilt": float(np.arccos(1 / per_weight))}
         return replace(self, most=self.most | {name: min(less[name], self.most.get(name, np.inf)) for name in less})
 
 
 def peak_demands(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> dict[str, float]:
     """The most that a curve of x, y, z [m] and yaw [rad] asks: thrust [N], tilt [rad], speed [m/s], body rate [rad/s].
     """
-    times = _times(shape)
-    return _peak_demands([shape(times, order).numpy() for order in range(1, 4)], limits, 1.0)
+    return _peak_demands(_derivatives(shape), limits, 1.0)
 
 
 def slowdown_within(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> float:
@@ -58,9 +56,7 @@ def slowdown_within(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> floa
 
     Raises InvalidInputError where no such factor up to 6 is found.
     """
-    times = _times(shape)
-    derivatives = [shape(times, order).numpy() for order in range(1, 4)]
-    factor = 1.0
+    derivatives, factor = _derivatives(shape), 1.0
     while over := _over(_peak_demands(derivatives, limits, factor), limits):
         factor *= _GROWTH
         if factor > _SLOWEST:
@@ -70,10 +66,12 @@ def slowdown_within(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> floa
     return factor
 
 
-def _times(shape: PiecewisePolynomial) -> torch.Tensor:
+def _derivatives(shape: PiecewisePolynomial) -> list[np.ndarray]:
+    """Velocity, acceleration and jerk at many times of each piece."""
     share = torch.arange(_SAMPLES_PER_PIECE, dtype=torch.float64) / _SAMPLES_PER_PIECE
     times = shape.times[:-1, None] + share * shape.times.diff()[:, None]
-    return torch.cat([times.reshape(-1), shape.times[-1:]])
+    times = torch.cat([times.reshape(-1), shape.times[-1:]])
+    return [shape(times, order).numpy() for order in range(1, 4)]
 
 
 def _peak_demands(derivatives: list[np.ndarray], limits: QuadrotorLimits, factor: float) -> dict[str, float]:

@@ -48,11 +48,14 @@ class _Document:
 
     def add_mesh(self, name: str, points: np.ndarray, indices: np.ndarray, mode: int) -> int:
         """A mesh of one colour, by its number."""
-        primitive: dict[str, Any] = {"attributes": {"POSITION": self._add_array(points)}, "mode": mode}
-        primitive |= {"material": len(self._materials), "indices": self._add_array(indices)}
-        color = {"baseColorFactor": [*_COLORS[name], 1.0]}
-        unlit = {"KHR_materials_unlit": {}}
-        self._materials.append({"name": name, "pbrMetallicRoughness": color, "extensions": unlit, "doubleSided": True})
+        primitive = {
+            "attributes": {"POSITION": self._add_array(points)}, "mode": mode,
+            "material": len(self._materials), "indices": self._add_array(indices),
+        }  # fmt: skip
+        self._materials.append({
+            "name": name, "pbrMetallicRoughness": {"baseColorFactor": [*_COLORS[name], 1.0]},
+            "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True,
+        })  # fmt: skip
         self._meshes.append({"name": name, "primitives": [primitive]})
         return len(self._meshes) - 1
 
@@ -91,21 +94,19 @@ class _Document:
     def _add_array(self, array: np.ndarray) -> int:
         whole = np.issubdtype(array.dtype, np.integer)
         data = np.ascontiguousarray(array, dtype="<u2" if whole else "<f4")
-        kind = "SCALAR" if data.ndim == 1 or whole else f"VEC{data.shape[1]}"
         count = data.size if whole else len(data)
-        view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": data.nbytes}
         rows = data.reshape(count, -1)
         self._accessors.append(
             {
                 "bufferView": len(self._views),
                 "componentType": _UINT16 if whole else _FLOAT,
                 "count": count,
-                "type": kind,
+                "type": "SCALAR" if data.ndim == 1 or whole else f"VEC{data.shape[1]}",
                 "min": rows.min(0).tolist(),
                 "max": rows.max(0).tolist(),
             }
         )
-        self._views.append(view)
+        self._views.append({"buffer": 0, "byteOffset": len(self._binary), "byteLength": data.nbytes})
         self._binary += data.tobytes() + b"\0" * (-data.nbytes % 4)
         return len(self._accessors) - 1
 

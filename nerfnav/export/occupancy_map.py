@@ -43,7 +43,8 @@ def mesh_files(grid: OccupancyGrid, stem: str, height: float | None) -> dict[str
             paint = PBRMaterial(name=name, baseColorFactor=color, roughnessFactor=1.0)
             mesh.visual = TextureVisuals(material=paint)
             scene.add_geometry(mesh, name, name, root)
-    content = scene.export(file_type="glb") if scene.geometry else packed(_EMPTY, b"")
+    empty = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}  # all is free
+    content = scene.export(file_type="glb") if scene.geometry else packed(empty, b"")
     assert isinstance(content, bytes)
     return {f"{stem}.glb": content}
 
@@ -61,10 +62,6 @@ def _surface(grid: OccupancyGrid, chosen: Bool[np.ndarray, "nx ny nz"]) -> "trim
     vertices, faces, *_ = marching_cubes(np.pad(chosen, 1).astype(np.float32), 0.5, gradient_direction="ascent")
     # index (0, 0, 0) is the middle of the padding's first voxel
     return trimesh.Trimesh(grid.lower + grid.voxel * (vertices - 0.5), faces, process=False)
-
-
-_EMPTY = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
-"""Empty glTF: all is free."""
 
 
 _OCCUPIED_FROM, _FREE_BELOW = 0.65, 0.196
@@ -99,9 +96,7 @@ def _voxels(grid: OccupancyGrid, stem: str, height: float | None) -> dict[str, b
 def _ros(grid: OccupancyGrid, stem: str, height: float | None) -> dict[str, bytes]:
     middle = float(grid.lower[2] + 0.5 * grid.voxel * grid.state.shape[2])
     layer = grid.layer(middle if height is None else height)
-    shades = np.zeros(len(Occupancy), np.uint8)
-    for state, shade in _SHADES.items():
-        shades[state] = shade
+    shades = np.array([_SHADES[state] for state in Occupancy], np.uint8)
     rows = np.ascontiguousarray(shades[layer].T[::-1])  # x to the right, y upwards
     picture = f"P5\n{rows.shape[1]} {rows.shape[0]}\n255\n".encode() + rows.tobytes()
     x, y, _ = grid.lower.tolist()

@@ -64,8 +64,7 @@ class OverlayVideo:
 
 
 def _accuracy_text(tracked: TrackedFrame) -> str:
-    covariance = tracked.covariance
-    if covariance is None:
+    if tracked.covariance is None:
         return ""
-    deviations = covariance.diagonal().sqrt()
+    deviations = tracked.covariance.diagonal().sqrt()
     return f"  +- {100 * float(deviations[:3].max()):.1f} cm, {float(deviations[3:].max().rad2deg()):.1f} deg"

@@ -38,8 +38,7 @@ def qgroundcontrol(recording: Recording) -> Exported:
     latitude, longitude, height = _datum(recording)
     curve = curve_of(recording)
     rows = _corners(curve)
-    sine = math.sin(math.radians(latitude))
-    curvature = 1 - _ECCENTRICITY_2 * sine**2
+    curvature = 1 - _ECCENTRICITY_2 * math.sin(math.radians(latitude)) ** 2
     meridian = _SEMI_MAJOR * (1 - _ECCENTRICITY_2) / curvature**1.5 + height
     vertical = (_SEMI_MAJOR / math.sqrt(curvature) + height) * math.cos(math.radians(latitude))
     items = [

@@ -65,8 +65,7 @@ class Surface:
             raise InvalidInputError(f"this is no binary glTF of a mesh with a picture: {error}") from error
         column, row = (uv / 65535.0 * picture.shape[1::-1]).astype(np.int64).T
         inside = np.minimum(row, picture.shape[0] - 1), np.minimum(column, picture.shape[1] - 1)
-        light = brightest * to_linear(picture[inside] / 255.0)
-        return cls(points, tone_map(light), indices.reshape(-1, 3))
+        return cls(points, tone_map(brightest * to_linear(picture[inside] / 255.0)), indices.reshape(-1, 3))
 
     def thinned(self, most: int = _MOST_VERTICES) -> "Surface":
         """The same with at most `most` vertices, each the mean of those in its cell."""
@@ -95,14 +94,13 @@ class Surface:
         """For a page: points as 16 bits within a box, colours as 8 bits of sRGB, triangles as 32 bits; base64."""
         low = self.points.min(0)
         size = np.maximum(np.ptp(self.points, axis=0), 1e-9)
-        shares = np.round(65535 * (self.points - low) / size).astype("<u2")
-        parts = {
-            "points": shares,
+        arrays = {
+            "points": np.round(65535 * (self.points - low) / size).astype("<u2"),
             "colors": np.round(255 * to_srgb(self.colors)).astype(np.uint8),
             "triangles": self.triangles.astype("<u4"),
         }
-        packed = {name: base64.b64encode(part.tobytes()).decode() for name, part in parts.items()}
-        return packed | {"low": low.tolist(), "size": size.tolist()}
+        texts = {name: base64.b64encode(array.tobytes()).decode() for name, array in arrays.items()}
+        return texts | {"low": low.tolist(), "size": size.tolist()}
 
 
 def _array(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
@@ -187,6 +185,9 @@ def replay(recording: Recording) -> Exported:
     page = (files("nerfnav.export") / "replay.html").read_text(encoding="utf-8")
     # a name that holds "</script>" must not end the script
     data = json.dumps(replay_data(recording), allow_nan=False).replace("<", "\\u003c")
-    pictures = sum(step.image is not None for step in recording.steps)
-    info = {"steps": len(recording.steps), "pictures": pictures, "has_surface": recording.surface is not None}
+    info = {
+        "steps": len(recording.steps),
+        "pictures": sum(step.image is not None for step in recording.steps),
+        "has_surface": recording.surface is not None,
+    }
     return Exported(page.replace(_PLACE, data, 1).encode(), info)

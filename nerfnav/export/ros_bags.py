@@ -11,7 +11,7 @@ from pathlib import Path
 
 from nerfnav.core.extras import import_extra
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros_messages import LATCHED, about, definition, messages, quality, topics, typestore
+from nerfnav.export.ros_messages import LATCHED, about, messages, open_channel, quality, topics, typestore
 
 
 def mcap(recording: Recording) -> Exported:
@@ -19,16 +19,15 @@ def mcap(recording: Recording) -> Exported:
 
     Raises MissingExtraError without mcap and rosbags.
     """
-    stream, channels, count = io.BytesIO(), {}, 0
+    stream, count = io.BytesIO(), 0
     writer = import_extra("mcap.writer", "ros", "MCAP").Writer(stream)
     writer.start(profile="ros2", library="nerfnav")
     writer.add_metadata("nerfnav", about(recording))
     dump = import_extra("rosbags.rosbag2.metadata", "ros", "MCAP").dump_qos_v8
-    for topic, kind in topics(recording).items():
-        schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
-        channels[topic] = writer.register_channel(
-            topic, "cdr", schema, {"offered_qos_profiles": dump([quality(topic in LATCHED)])}
-        )
+    channels = {
+        topic: open_channel(writer, topic, kind, {"offered_qos_profiles": dump([quality(topic in LATCHED)])})
+        for topic, kind in topics(recording).items()
+    }
     for message in messages(recording):
         writer.add_message(channels[message.topic], message.time_ns, message.content, message.time_ns)
         count += 1

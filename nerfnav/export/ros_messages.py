@@ -47,9 +47,11 @@ def typestore() -> "Typestore":
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
-def definition(message_type: str) -> str:
-    """Definition of a message type with its dependencies, in ROS 2's language."""
-    return typestore().generate_msgdef(message_type, ros_version=2)[0]
+def open_channel(writer: Any, topic: str, message_type: str, metadata: dict[str, str]) -> int:
+    """Register a topic with an MCAP writer, with the definition of its messages; returns the channel's number."""
+    definition = typestore().generate_msgdef(message_type, ros_version=2)[0]
+    schema = writer.register_schema(message_type, "ros2msg", definition.encode())
+    return writer.register_channel(topic, "cdr", schema, metadata)
 
 
 def quality(latched: bool) -> "Qos":

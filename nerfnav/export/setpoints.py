@@ -9,8 +9,6 @@ for positions, velocities, accelerations and jerks alike; the origin is that of 
 vehicle must have its origin there, and its north along the world's y axis.
 """
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -22,6 +20,7 @@ from nerfnav.export.crazyflie import demands_of
 from nerfnav.export.curves import Curve, curve_of, quadrotor_of
 from nerfnav.export.flatness import QuadrotorLimits
 from nerfnav.export.recording import Recording
+from nerfnav.export.tables import csv_lines
 
 RATE_HZ = 50
 """Setpoints in a second."""
@@ -47,19 +46,17 @@ def ned_rows(curve: Curve, times_us: np.ndarray) -> dict[str, np.ndarray]:
 
 def describe_setpoints(recording: Recording, curve: Curve) -> dict[str, object]:
     """Describe the setpoints of an export."""
-    info: dict[str, object] = {"frame": "NED", "rate_hz": RATE_HZ, "motion": curve.motion}
-    info |= {"stretched_by": curve.stretched_by, "off_rows_m": curve.off_m}
-    return info | demands_of(curve.shape, QuadrotorLimits.of(quadrotor_of(recording)))
+    return {
+        "frame": "NED", "rate_hz": RATE_HZ, "motion": curve.motion,
+        "stretched_by": curve.stretched_by, "off_rows_m": curve.off_m,
+        **demands_of(curve.shape, QuadrotorLimits.of(quadrotor_of(recording))),
+    }  # fmt: skip
 
 
 def csv_of(comment: str, header: Sequence[str], rows: Iterable[Sequence[float]]) -> bytes:
     """A line that begins with #, the names of the columns, and the rows: nine decimals, and never a "-0"."""
-    stream = io.StringIO()
-    stream.write(f"# {comment}\n")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([cell_of(value) for value in row] for row in rows)
-    return stream.getvalue().encode()
+    cells = ([cell_of(value) for value in row] for row in rows)
+    return (f"# {comment}\n" + csv_lines([header, *cells])).encode()
 
 
 def cell_of(value: float) -> str:

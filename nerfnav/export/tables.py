@@ -10,6 +10,7 @@ import csv
 import io
 import json
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
@@ -83,8 +84,7 @@ def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = 
         -1,
     )
     names = (*(f"belief_{name}" for name in STATE_COLUMNS), "sd_x", "sd_y", "sd_z", "touched")
-    info = flown.info | {"outcome": episode.outcome.name.lower()}
-    return Table(flown.columns + names, torch.cat([flown.values, extra], -1), info)
+    return Table(flown.columns + names, torch.cat([flown.values, extra], -1), flown.info).with_outcome(episode.outcome)
 
 
 def _state_block(states: RigidState) -> Float[Tensor, "n 13"]:
@@ -124,20 +124,25 @@ def csv_text(table: Table) -> str:
 
     The header has the units, and marks columns that hold until the next row: `vx [m/s until the next row]`.
     """
+    cells = (["" if math.isnan(value) else f"{value:.9g}" for value in row] for row in table.values.tolist())
+    return csv_lines([_headings(table), *cells])
+
+
+def csv_lines(rows: Iterable[Sequence[str]]) -> str:
+    """Rows of cells as lines of CSV."""
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(_headings(table))
-    for row in table.values.tolist():
-        writer.writerow(["" if math.isnan(value) else f"{value:.9g}" for value in row])
+    csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 
 def json_text(table: Table) -> str:
     """One object: format, version, what is known about the table, frames, units, columns, rows."""
     rows = [[None if math.isnan(value) else float(f"{value:.9g}") for value in row] for row in table.values.tolist()]
-    head = {"format": FORMAT, "version": VERSION, **table.info, "frames": FRAMES, "held": HELD}
-    head |= {"units": {name: _unit(name) for name in table.columns}, "columns": list(table.columns)}
-    return json.dumps(head | {"rows": rows}, allow_nan=False) + "\n"
+    content = {
+        "format": FORMAT, "version": VERSION, **table.info, "frames": FRAMES, "held": HELD,
+        "units": {name: _unit(name) for name in table.columns}, "columns": list(table.columns), "rows": rows,
+    }  # fmt: skip
+    return json.dumps(content, allow_nan=False) + "\n"
 
 
 def table_of_json(text: str) -> Table:

@@ -13,8 +13,6 @@ Stamps are the source's own times. `map` is the field's frame, z up; /pose comes
 updated it.
 """
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +24,8 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.core.extras import import_extra
-from nerfnav.export.ros_messages import WORLD, compressed, definition, header, new, pose_of, typestore
+from nerfnav.export.ros_messages import WORLD, compressed, header, new, open_channel, pose_of, typestore
+from nerfnav.export.tables import csv_lines
 from nerfnav.geometry import Pose, Similarity, so3
 from nerfnav.tracking import TrackedFrame
 
@@ -60,19 +59,19 @@ def texts_of_track(track: Sequence[TrackedFrame], placed: tuple[float, ...]) -> 
 
 def tum_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
     """Write `timestamp tx ty tz qx qy qz qw` for each frame whose picture updated the pose."""
-    lines = ["# timestamp tx ty tz qx qy qz qw"]
-    for tracked in track:
-        if tracked.status.updated:
-            lines.append(" ".join([f"{tracked.time:.6f}", *(f"{value:.9g}" for value in _numbers(tracked, frame)[0])]))
-    return "\n".join(lines) + "\n"
+    lines = [
+        " ".join([f"{tracked.time:.6f}", *(f"{value:.9g}" for value in _numbers(tracked, frame)[0])])
+        for tracked in track
+        if tracked.status.updated
+    ]
+    return "\n".join(["# timestamp tx ty tz qx qy qz qw", *lines, ""])
 
 
 def csv_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
     """Every frame: status, pose and the upper triangle of its covariance, empty where there is no pose."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
     pose = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
-    table.writerow(["time_s", "name", "status", *pose, *map(_heading, _PAIRS), "difference", "ms"])
+    covariances = [f"cov_{_NAMES[i]}_{_NAMES[j]}_{_UNITS[i]}.{_UNITS[j]}" for i, j in _PAIRS]
+    table = [["time_s", "name", "status", *pose, *covariances, "difference", "ms"]]
     for tracked in track:
         row = [f"{tracked.time:.6f}", tracked.name, tracked.status.name.lower()]
         if tracked.status.knows:
@@ -81,17 +80,12 @@ def csv_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
         else:
             row += [""] * (len(pose) + len(_PAIRS))
         difference = "" if tracked.difference is None else f"{tracked.difference:.5f}"
-        table.writerow([*row, difference, f"{tracked.ms:.2f}"])
-    return text.getvalue()
+        table.append([*row, difference, f"{tracked.ms:.2f}"])
+    return csv_lines(table)
 
 
 TRACK_FILES = {"trajectory.tum": tum_of_track, "poses.csv": csv_of_track}
 """Name of each file of a track, and the function that writes its text."""
-
-
-def _heading(pair: tuple[int, int]) -> str:
-    row, column = pair
-    return f"cov_{_NAMES[row]}_{_NAMES[column]}_{_UNITS[row]}.{_UNITS[column]}"
 
 
 def _numbers(tracked: TrackedFrame, frame: Similarity) -> tuple[list[float], Float[Tensor, "6 6"]]:
@@ -120,7 +114,7 @@ class TrackRecorder:
         self._stream = path.open("wb")
         self._writer, self._about = writer(self._stream), about
         self._writer.start(profile="ros2", library="nerfnav")
-        self._channels = {topic: self._channel(topic, kind) for topic, kind in _TOPICS.items()}
+        self._channels = {topic: open_channel(self._writer, topic, kind, {}) for topic, kind in _TOPICS.items()}
         self._empty = True
 
     def __enter__(self) -> "TrackRecorder":
@@ -148,10 +142,6 @@ class TrackRecorder:
             self._write("/field_picture", nanoseconds, compressed(shown, header(nanoseconds, _CAMERA)))
         if tracked.status.updated:
             self._write("/pose", nanoseconds, _pose(nanoseconds, tracked))
-
-    def _channel(self, topic: str, kind: str) -> int:
-        schema = self._writer.register_schema(kind, "ros2msg", definition(kind).encode())
-        return self._writer.register_channel(topic, "cdr", schema)
 
     def _write(self, topic: str, nanoseconds: int, message: Any) -> None:
         content = bytes(typestore().serialize_cdr(message, _TOPICS[topic]))

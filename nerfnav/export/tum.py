@@ -28,5 +28,4 @@ def tum_estimate(recording: Recording) -> Exported:
 def _text(recording: Recording, poses: Float[Tensor, "rows 7"]) -> Exported:
     rows = torch.cat([recording.times[:, None], poses[:, :3], poses[:, 4:], poses[:, 3:4]], -1).tolist()
     lines = [" ".join(f"{value:.9g}" for value in row) for row in rows]
-    outcome = f"# outcome: {recording.outcome or 'not known'}"
-    return Exported(("\n".join([_HEAD, outcome, *lines]) + "\n").encode())
+    return Exported("\n".join([_HEAD, f"# outcome: {recording.outcome or 'not known'}", *lines, ""]).encode())

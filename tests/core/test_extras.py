@@ -15,7 +15,7 @@ from nerfnav.core.errors import MissingExtraError
 from nerfnav.core.extras import import_extra
 from nerfnav.experiments import planners
 from nerfnav.experiments.figures import panels
-from nerfnav.experiments.reflight import FlownConfig, Setpoint, Track, fly_crazyflie, fly_quick
+from nerfnav.experiments.reflight import Setpoint, Track, fly_crazyflie, fly_quick
 from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros_bags import mcap, rosbag2
@@ -65,11 +65,11 @@ USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     "OpenEXR": ("depth", _DEPTH, partial(depth, "0.exr")),
     "mcap": ("ros", "MCAP", lambda _: mcap(recording())),
     "rosbags": ("ros", "rosbag2", lambda _: rosbag2(recording())),
-    "rotorpy": ("reflight", "the experiment reflight", lambda _: fly_quick(HOVER, Quadrotor(), FlownConfig())),
+    "rotorpy": ("reflight", "the experiment reflight", lambda _: fly_quick(HOVER, Quadrotor())),
     "drone_controllers": (
         "reflight",
         "the experiment reflight",
-        lambda _: fly_crazyflie(HOVER, Quadrotor(), FlownConfig()),
+        lambda _: fly_crazyflie(HOVER, Quadrotor()),
     ),
     "collada": ("meshes", r"a Collada mesh \(.dae\)", collada),
     "DracoPy": ("meshes", "a mesh with Draco compression", draco),

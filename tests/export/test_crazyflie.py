@@ -10,7 +10,7 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.crazyflie import MOST_PIECES, FitConfig, crazyflie
+from nerfnav.export.crazyflie import MOST_PIECES, crazyflie
 from nerfnav.export.curves import SmoothConfig, curve_of
 from nerfnav.export.flatness import QuadrotorLimits
 from nerfnav.export.recording import Recording
@@ -113,7 +113,7 @@ def test_durations_add_up_to_the_same_number_in_whatever_order(steps: int) -> No
 
 
 def test_a_vehicle_with_little_thrust_is_given_more_time() -> None:
-    slow = crazyflie(hover_to_hover(), FitConfig(thrust_per_weight=1.02))
+    slow = crazyflie(hover_to_hover(), thrust_per_weight=1.02)
     room = QuadrotorLimits.of(Quadrotor()).with_thrust(1.02)
     assert slow.info["stretched_by"] > 1.2 and slow.info["max_thrust_n"] <= 1.01 * room.most["thrust"]
     assert slow.info["max_tilt_deg"] <= 1.01 * np.degrees(np.arccos(1 / 1.02))
