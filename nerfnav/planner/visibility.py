@@ -31,6 +31,7 @@ VIEW_HEADINGS = 16
 """Number of headings, over a whole turn, at which visibility is measured."""
 
 
+@torch.no_grad()
 def measure_visibility(
     matter: Field,
     points: Float[Tensor, "n 3"],
@@ -48,14 +49,13 @@ def measure_visibility(
     count, rays = len(points), directions.shape[1] * directions.shape[2]
     origins = points[:, None].expand(count, rays, 3).reshape(-1, 3)
     along = directions.reshape(-1, rays, 3).expand(count, rays, 3).reshape(-1, 3)
-    with torch.no_grad():
-        if isinstance(matter, FastRenderer):
-            parts = [matter.render_rays(origins, along)]
-        else:
-            parts = [
-                render_rays(matter, some.to(matter.box.lower), where.to(matter.box.lower))
-                for some, where in zip(origins.split(_RAYS), along.split(_RAYS), strict=True)
-            ]
+    if isinstance(matter, FastRenderer):
+        parts = [matter.render_rays(origins, along)]
+    else:
+        parts = [
+            render_rays(matter, some.to(matter.box.lower), where.to(matter.box.lower))
+            for some, where in zip(origins.split(_RAYS), along.split(_RAYS), strict=True)
+        ]
     color, opacity = (torch.cat([getattr(part, name).cpu() for part in parts]) for name in ("color", "opacity"))
     edges = _edges(color.reshape(count, len(yaws), _PROBE.height, _PROBE.width, 3)).mean((-2, -1))
     return edges.minimum(opacity.reshape(count, len(yaws), -1).mean(-1)).numpy()

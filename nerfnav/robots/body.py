@@ -30,7 +30,7 @@ def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool)
 
     Raises InvalidInputError for what is no such mesh, is absurdly large, or has too many points `spacing` [m] apart.
     """
-    mesh = _checked(_read(source) if isinstance(source, Path | str) else source, spacing)
+    mesh = _checked(read_mesh(source) if isinstance(source, Path | str) else source, spacing)
     mesh = (mesh.convex_hull if hull else mesh).copy()
     if not mesh.is_watertight:
         raise InvalidInputError("a body's mesh must be closed, or nothing is inside: close it, or take its hull")
@@ -38,12 +38,13 @@ def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool)
     return mesh
 
 
-def _read(path: Path | str) -> "trimesh.Trimesh":
+def read_mesh(path: Path | str) -> "trimesh.Trimesh":
+    """Read the mesh of a file, unchecked. Raises InvalidInputError for a file that is none."""
     import trimesh
 
     try:
         return trimesh.load_mesh(path)
-    except (OSError, ValueError, NotImplementedError) as error:
+    except Exception as error:  # readers raise anything for a broken file
         raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
 
 

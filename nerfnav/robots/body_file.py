@@ -18,7 +18,7 @@ import msgspec
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import import_extra
-from nerfnav.robots.body import Body
+from nerfnav.robots.body import Body, read_mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -96,7 +96,10 @@ def _mesh_of(entry: BodyFile, folder: Path) -> "tuple[trimesh.Trimesh, bool]":
     if entry.spheres is not None:
         return _union(entry.spheres), False
     if entry.mesh is not None:
-        return _loaded(folder / entry.mesh), entry.hull
+        path = folder / entry.mesh
+        if not path.is_file():
+            raise InvalidInputError(f"there is no mesh {path}")
+        return read_mesh(path), entry.hull
     return _collision_geometry(folder / str(entry.urdf)), True
 
 
@@ -108,20 +111,8 @@ def _union(spheres: list[tuple[float, float, float, float]]) -> "trimesh.Trimesh
     balls = []
     for *middle, radius in spheres:
         _check_lengths("sphere", radius, *(abs(number) + radius for number in middle))
-        ball = trimesh.creation.icosphere(subdivisions=2, radius=radius)
-        balls.append(ball.apply_translation(middle))
+        balls.append(trimesh.creation.icosphere(subdivisions=2, radius=radius).apply_translation(middle))
     return balls[0] if len(balls) == 1 else trimesh.boolean.union(balls)
-
-
-def _loaded(path: Path) -> "trimesh.Trimesh":
-    import trimesh
-
-    if not path.is_file():
-        raise InvalidInputError(f"there is no mesh {path}")
-    try:
-        return trimesh.load_mesh(path)
-    except Exception as error:  # readers raise anything for a broken file
-        raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
 
 
 def _collision_geometry(path: Path) -> "trimesh.Trimesh":

@@ -26,9 +26,9 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
 from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrap_angle
+from nerfnav.robots.ground import GroundRobot, about_z, heading, row, spatial, wrap_angle
 from nerfnav.robots.kernels import couch as kernels
-from nerfnav.robots.robot import Limit, Robot, length, penalty, speed
+from nerfnav.robots.robot import TYPICAL_MOVE, TYPICAL_TURN, Limit, length, speed
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import shortened
 
@@ -88,16 +88,14 @@ class CouchMap(FlatMap):
 
     def forward(self, free: np.ndarray) -> None:
         """Implement FlatMap with compiled kernels."""
-        for slope in self._slopes:
-            slope[:] = 0.0
+        self._clear_slopes()
         kernels.motion(
             free, self._ends, self._constants, self.position, self.velocity, self.rotation, self.rate, self.action
         )
 
     def limits(self, weight: float) -> float:
         """Implement FlatMap with compiled kernels."""
-        for slope in self._slopes:
-            slope[:] = 0.0
+        self._clear_slopes()
         return kernels.limits(self.velocity, self.rate, self.action, self._bounds, weight, *self._slopes)
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
@@ -117,16 +115,11 @@ def _end(state: RigidState) -> np.ndarray:
     return np.concatenate([*planar, [heading(state).item(), state.body_rate[2].item()]])
 
 
-_FREE_POSITION, _FREE_YAW = 0.15, 0.5
-"""Changes of a waypoint [m] and a heading [rad] that change the motion much."""
-
-
-class Couch(Robot):
+class Couch(GroundRobot):
     """A ground robot with three numbers to choose: force [N] along the world's x and y, torque [N m]."""
 
     action_names = ("force_x_n", "force_y_n", "torque_z_nm")
     minimum_steps = 3
-    planar = True
 
     def __init__(self, config: CouchConfig | None = None) -> None:
         """A couch with the given constants (default: those of CouchConfig)."""
@@ -189,8 +182,7 @@ class Couch(Robot):
 
     def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> CouchMap | None:
         """See Robot; None for a robot that was given other bounds than those of its config."""
-        as_configured = self.bounds == self.config.bounds
-        return CouchMap(self.config, start, goal, steps, dt) if as_configured else None
+        return CouchMap(self.config, start, goal, steps, dt) if self.bounds == self.config.bounds else None
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
@@ -201,8 +193,8 @@ class Couch(Robot):
 
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """A few body widths, half a radian."""
-        scales = torch.full_like(free, _FREE_POSITION)
-        scales[2 * free.shape[-1] // 3 :] = _FREE_YAW
+        scales = torch.full_like(free, TYPICAL_MOVE)
+        scales[2 * free.shape[-1] // 3 :] = TYPICAL_TURN
         return scales
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
@@ -212,15 +204,3 @@ class Couch(Robot):
             "yaw rate": motion.states.body_rate[..., 2],
             "force": length(motion.actions[..., :2]),
         }
-
-    def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
-        """Squared excess over the bounds."""
-        return penalty(self, motion)
-
-    def settled(self, state: RigidState, before: RigidState) -> RigidState:
-        """Level, and at the height that it had."""
-        return on_the_ground(state, before)
-
-    def check_ends(self, start: RigidState, goal: RigidState) -> None:
-        """Both ends must be level and at one height."""
-        check_ground_ends(self.name, start, goal)

@@ -32,12 +32,11 @@ from nerfnav.robots.arcs import EXACT, ROUNDS, TYPICAL_SPEED, TYPICAL_TURN, Path
 from nerfnav.robots.body import Body
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import (
+    GroundRobot,
     about_z,
-    check_ground_ends,
     forward_speed,
     heading,
     headings_along,
-    on_the_ground,
     row,
     spatial,
     unwrap_angles,
@@ -45,7 +44,7 @@ from nerfnav.robots.ground import (
 )
 from nerfnav.robots.kernels import arcs
 from nerfnav.robots.kernels import diffdrive as kernels
-from nerfnav.robots.robot import Limit, Robot, penalty
+from nerfnav.robots.robot import Limit
 from nerfnav.robots.state import Motion, RigidState
 
 
@@ -107,7 +106,7 @@ class DiffDriveMap(FlatMap):
 
     def forward(self, free: np.ndarray) -> None:
         """Implement FlatMap with compiled kernels."""
-        self._clear()
+        self._clear_slopes()
         short = self._ends[1, 2] - free[-1]
         self._last = free[-1] + math.atan2(math.sin(short), math.cos(short))
         self._rounds = arcs.close(free, self._ends, self._last, self.dt, self._iterates)
@@ -122,7 +121,7 @@ class DiffDriveMap(FlatMap):
 
     def limits(self, weight: float) -> float:
         """Implement FlatMap with compiled kernels."""
-        self._clear()
+        self._clear_slopes()
         return kernels.limits(self._speeds, self.rate, self.action, self._bounds, weight, *self._slopes)
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
@@ -137,10 +136,6 @@ class DiffDriveMap(FlatMap):
         )  # fmt: skip
         return gradient
 
-    def _clear(self) -> None:
-        for slope in self._slopes:
-            slope[:] = 0.0
-
 
 def _end(state: RigidState) -> list[float]:
     return [
@@ -154,12 +149,11 @@ _SLIDING = 1e-3
 """Speed across the heading [m/s] that counts as none."""
 
 
-class DiffDrive(Robot):
+class DiffDrive(GroundRobot):
     """A ground robot with two numbers to choose: forward and yaw acceleration."""
 
     action_names = ("acceleration_mps2", "yaw_acceleration_radps2")
     minimum_steps = 4
-    planar = True
 
     def __init__(self, config: DiffDriveConfig | None = None) -> None:
         """A differential drive with the given constants (default: those of DiffDriveConfig)."""
@@ -240,8 +234,7 @@ class DiffDrive(Robot):
 
     def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> DiffDriveMap | None:
         """See Robot; None for a robot that was given other bounds than those of its config."""
-        as_configured = self.bounds == self.config.bounds
-        return DiffDriveMap(self.config, start, goal, steps, dt) if as_configured else None
+        return DiffDriveMap(self.config, start, goal, steps, dt) if self.bounds == self.config.bounds else None
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
@@ -273,18 +266,14 @@ class DiffDrive(Robot):
             "yaw acceleration": motion.actions[..., 1],
         }
 
-    def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
-        """Squared excess over the bounds."""
-        return penalty(self, motion)
-
     def settled(self, state: RigidState, before: RigidState) -> RigidState:
         """Level, at the height that it had, and without what velocity is across its heading."""
-        level = on_the_ground(state, before)
+        level = super().settled(state, before)
         return replace(level, velocity=level.rotation[..., 0] * forward_speed(level)[..., None])
 
     def check_ends(self, start: RigidState, goal: RigidState) -> None:
         """Both ends must be level, at one height, and move along their headings."""
-        check_ground_ends(self.name, start, goal)
+        super().check_ends(start, goal)
         for which, state in (("start", start), ("goal", goal)):
             if bool((state.rotation[..., 1] * state.velocity).sum(-1).abs().max() > _SLIDING):
                 raise InvalidInputError(f"a differential drive cannot slide: its {which} moves across its heading")

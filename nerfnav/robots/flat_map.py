@@ -32,6 +32,11 @@ class FlatMap(ABC):
     """(N, a) actions of the last `forward`."""
     dt: float
     """Length of a step [s]."""
+    _slopes: tuple[np.ndarray, ...] = ()  # what `limits` adds to the next `backward`, of a compiled map
+
+    def _clear_slopes(self) -> None:
+        for slope in self._slopes:
+            slope[:] = 0.0
 
     @abstractmethod
     def forward(self, free: np.ndarray) -> None:

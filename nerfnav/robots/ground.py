@@ -8,36 +8,46 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.robot import Robot, penalty
+from nerfnav.robots.state import Motion, RigidState
 
 _LEVEL = 1e-3
 """Tilt [rad], height [m] and vertical speed [m/s] that count as none."""
 
 
-def check_ground_ends(name: str, start: RigidState, goal: RigidState) -> None:
-    """Raise InvalidInputError where a robot on the ground cannot join two states."""
-    for which, state in (("start", start), ("goal", goal)):
-        tilted = state.rotation[..., 2, 2] < 1 - _LEVEL
-        rising = state.velocity[..., 2].abs() > _LEVEL
-        rolling = state.body_rate[..., :2].abs().amax(-1) > _LEVEL
-        if bool((tilted | rising | rolling).any()):
-            raise InvalidInputError(f"a {name} moves on the ground: its {which} must be level and stay at its height")
-    rise = (goal.position - start.position)[..., 2].abs()
-    if bool((rise > _LEVEL).any()):
-        raise InvalidInputError(
-            f"a {name} stays at the height of its start, {start.position[..., 2].item():.3f} m: "
-            f"the goal cannot be at {goal.position[..., 2].item():.3f} m"
+class GroundRobot(Robot):
+    """Robot that stays level, at the height of its start."""
+
+    planar = True
+
+    def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
+        """Sum the squared excess over the bounds."""
+        return penalty(self, motion)
+
+    def settled(self, state: RigidState, before: RigidState) -> RigidState:
+        """Project a state to the nearest one that is level and moves in the plane, at the height of `before`."""
+        return RigidState(
+            spatial(state.position[..., :2], before.position[..., 2]),
+            spatial(state.velocity[..., :2], 0.0),
+            so3.from_yaw(heading(state)),
+            about_z(state.body_rate[..., 2]),
         )
 
-
-def on_the_ground(state: RigidState, before: RigidState) -> RigidState:
-    """Project a state to the nearest one that is level and moves in the plane, at the height of `before`."""
-    return RigidState(
-        spatial(state.position[..., :2], before.position[..., 2]),
-        spatial(state.velocity[..., :2], 0.0),
-        so3.from_yaw(heading(state)),
-        about_z(state.body_rate[..., 2]),
-    )
+    def check_ends(self, start: RigidState, goal: RigidState) -> None:
+        """Raise InvalidInputError unless both ends are level and at one height."""
+        for which, state in (("start", start), ("goal", goal)):
+            tilted = state.rotation[..., 2, 2] < 1 - _LEVEL
+            rising = state.velocity[..., 2].abs() > _LEVEL
+            rolling = state.body_rate[..., :2].abs().amax(-1) > _LEVEL
+            if bool((tilted | rising | rolling).any()):
+                raise InvalidInputError(
+                    f"a {self.name} moves on the ground: its {which} must be level and stay at its height"
+                )
+        if bool(((goal.position - start.position)[..., 2].abs() > _LEVEL).any()):
+            raise InvalidInputError(
+                f"a {self.name} stays at the height of its start, {start.position[..., 2].item():.3f} m: "
+                f"the goal cannot be at {goal.position[..., 2].item():.3f} m"
+            )
 
 
 def wrap_angle(angle: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:

@@ -18,7 +18,7 @@ free:
 
     free = (f_0, f_1, p_4 .. p_{N-1}, yaw_2 .. yaw_{N-1}),  2 + 3 (N - 4) + (N - 2) numbers
 
-`QuadrotorMap` is the same map compiled; `roll_out`, `roll_out_hold` and `first_thrusts` are its dynamics in kernels.
+`QuadrotorMap` is the same map compiled; `dynamics_kernels` are the dynamics.
 """
 
 from typing import final
@@ -32,11 +32,9 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.kernels import quadrotor as kernels
-from nerfnav.robots.kernels import quadrotor as limit_kernels
-from nerfnav.robots.kernels import quadrotor_dynamics as hold_kernels
-from nerfnav.robots.kernels import quadrotor_dynamics as step_kernels
+from nerfnav.robots.kernels import quadrotor_dynamics as dynamics_kernels
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.robot import Robot, length, penalty, speed
+from nerfnav.robots.robot import TYPICAL_MOVE, TYPICAL_TURN, Robot, length, penalty, speed
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
 
@@ -81,9 +79,8 @@ class QuadrotorMap(FlatMap):
     def limits(self, weight: float) -> float:
         """Implement FlatMap with compiled kernels."""
         self._penalised = True
-        for slope in self._slopes:
-            slope[:] = 0.0
-        return limit_kernels.limits(
+        self._clear_slopes()
+        return kernels.limits(
             self.velocity, self.rotation, self.rate, self.action, self._bounds, weight, self.dt, *self._slopes
         )
 
@@ -103,37 +100,6 @@ class QuadrotorMap(FlatMap):
         return gradient
 
 
-def roll_out(config: QuadrotorConfig, start: RigidState, actions: np.ndarray, dt: float) -> np.ndarray:
-    """Roll out positions (n + 1, 3) [m] under actions (n, 4) of `dt` [s], the start included."""
-    positions = np.empty((len(actions) + 1, 3))
-    step_kernels.roll_out(_arrays_of(start), actions, _constants_of(config, dt), positions)
-    return positions
-
-
-def roll_out_hold(config: QuadrotorConfig, start: RigidState, wanted: Tensor, dt: float, rest: float) -> Motion:
-    """Roll out `hold` for up to n steps with wanted velocities (n, 3) [m/s]: see `Robot.roll_out_hold`."""
-    most = len(wanted)
-    states = (np.empty((most + 1, 3)), np.empty((most + 1, 3)), np.empty((most + 1, 3, 3)), np.empty((most + 1, 3)))
-    holding = (config.braking, config.max_braking, config.levelling, config.thrust_floor * config.weight)
-    actions = np.empty((most, 4))
-    steps = hold_kernels.hold_out(
-        _arrays_of(start), wanted.double().numpy(), _constants_of(config, dt), np.array(holding), rest, states, actions
-    )
-    position, velocity, rotation, rate = (torch.from_numpy(part[: steps + 1]).to(start.position) for part in states)
-    moved = RigidState(position, velocity, rotation, rate)
-    return Motion(moved, torch.from_numpy(actions[:steps]).to(start.position), dt)
-
-
-def first_thrusts(
-    config: QuadrotorConfig, start: RigidState, wanted: np.ndarray, dt: float, floor: float
-) -> np.ndarray:
-    """Compute f_0 and f_1 [N] that lead nearest to the positions (2, 3) [m] wanted at steps 2 and 3; at least
-    `floor` [N]."""
-    thrusts = np.empty(2)
-    step_kernels.first_thrusts(_arrays_of(start), wanted, _constants_of(config, dt), floor, thrusts)
-    return thrusts
-
-
 def _constants_of(config: QuadrotorConfig, dt: float) -> np.ndarray:
     """Pack mass, inertia, gravity and time step for the kernels."""
     return np.array([config.mass, *config.inertia, config.gravity, dt])
@@ -144,10 +110,6 @@ def _arrays_of(state: RigidState) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     parts = (state.position, state.velocity, state.rotation, state.body_rate)
     position, velocity, rotation, rate = (part.detach().double().contiguous().numpy() for part in parts)
     return position, velocity, rotation, rate
-
-
-_FREE_POSITION, _FREE_YAW = 0.15, 0.5
-"""Changes of a waypoint [m] and a heading [rad] that change the motion much."""
 
 
 class Quadrotor(Robot):
@@ -230,7 +192,7 @@ class Quadrotor(Robot):
         if free.shape[-1] != expected:
             raise InvalidInputError(f"{steps} steps have {expected} free numbers, not {free.shape[-1]}")
         batch = free.shape[:-1]
-        held = self._fixed_attitudes(start, dt)
+        held = start.rotation, so3.retract(start.rotation, start.body_rate * dt)  # R_0 and R_1
         positions = self._positions(free, held, start, goal, dt)
         velocity = torch.cat(
             [_rows(start.velocity, batch), positions.diff(dim=-2)[..., 1:-1, :] / dt, _rows(goal.velocity, batch)], -2
@@ -256,16 +218,27 @@ class Quadrotor(Robot):
         """See Robot; None for a robot that steps otherwise."""
         if type(self).step is not Quadrotor.step:
             return None
-        return torch.from_numpy(roll_out(self.config, start, actions.double().numpy(), dt)).to(actions)
+        positions = np.empty((len(actions) + 1, 3))
+        dynamics_kernels.roll_out(
+            _arrays_of(start), actions.double().numpy(), _constants_of(self.config, dt), positions
+        )
+        return torch.from_numpy(positions).to(actions)
 
     def compiled_hold(
         self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float
     ) -> Motion | None:
         """See Robot; None for a robot that steps or holds otherwise."""
-        kind = type(self)
+        kind, config, most = type(self), self.config, len(wanted)
         if (kind.step, kind.hold, kind.steer) != (Quadrotor.step, Quadrotor.hold, Quadrotor.steer):
             return None
-        return roll_out_hold(self.config, start, wanted, dt, rest)
+        states = (np.empty((most + 1, 3)), np.empty((most + 1, 3)), np.empty((most + 1, 3, 3)), np.empty((most + 1, 3)))
+        holding = np.array((config.braking, config.max_braking, config.levelling, config.thrust_floor * config.weight))
+        actions = np.empty((most, 4))
+        steps = dynamics_kernels.hold_out(
+            _arrays_of(start), wanted.double().numpy(), _constants_of(config, dt), holding, rest, states, actions
+        )
+        moved = RigidState(*(torch.from_numpy(part[: steps + 1]).to(start.position) for part in states))
+        return Motion(moved, torch.from_numpy(actions[:steps]).to(start.position), dt)
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
@@ -278,20 +251,20 @@ class Quadrotor(Robot):
         steps = waypoints.shape[0] - 1
         self.free_numbers(steps)
         floor, wanted = self.config.thrust_floor * self.weight, waypoints[2:4, :3].double().numpy()
-        thrusts = first_thrusts(self.config, start, wanted, dt, floor)
+        thrusts = np.empty(2)
+        dynamics_kernels.first_thrusts(_arrays_of(start), wanted, _constants_of(self.config, dt), floor, thrusts)
         inner = waypoints[4:-1, :3].flatten()
         return torch.cat([torch.from_numpy(thrusts).to(inner), inner, waypoints[2:-1, 3]])
 
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """Return the weight, a few body lengths and half a radian."""
-        scales = torch.full_like(free, _FREE_POSITION)
-        scales[:2], scales[self.free_headings(len(free))] = self.weight, _FREE_YAW
+        scales = torch.full_like(free, TYPICAL_MOVE)
+        scales[:2], scales[self.free_headings(len(free))] = self.weight, TYPICAL_TURN
         return scales
 
     def free_headings(self, count: int) -> slice:
-        """Return the slice of the last ones."""
-        steps = (count + 12) // 4
-        return slice(count - (steps - 2), count)
+        """Return the slice of the last ones, N - 2 of 4 (N - 3)."""
+        return slice(count - (count + 4) // 4, count)
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
         """Compute thrust [N], tilt [rad], speed [m/s] and the length of the body rate [rad/s]."""
@@ -312,11 +285,6 @@ class Quadrotor(Robot):
     def _gravity(self, like: Tensor) -> Tensor:
         return like.new_tensor([0.0, 0.0, -self.config.gravity])
 
-    @staticmethod
-    def _fixed_attitudes(start: RigidState, dt: float) -> tuple[Tensor, Tensor]:
-        """R_0 and R_1."""
-        return start.rotation, so3.retract(start.rotation, start.body_rate * dt)
-
     def _positions(
         self, free: Tensor, held: tuple[Tensor, Tensor], start: RigidState, goal: RigidState, dt: float
     ) -> Tensor:
@@ -329,9 +297,9 @@ class Quadrotor(Robot):
         third = 2 * second - first + pushed[..., 1, :] * dt**2
         inner = free.shape[-1] // 4 - 1  # N - 4, as there are 4 (N - 3) free numbers
         middle = free[..., 2 : 2 + 3 * inner].unflatten(-1, (inner, 3))
-        fixed = [start.position, first, second, third]
-        ends = [goal.position, goal.position + goal.velocity * dt]
-        return torch.cat([*(_rows(p, batch) for p in fixed), middle, *(_rows(p, batch) for p in ends)], -2)
+        fixed = (start.position, first, second, third, goal.position, goal.position + goal.velocity * dt)
+        rows = [_rows(position, batch) for position in fixed]
+        return torch.cat([*rows[:4], middle, *rows[4:]], -2)
 
     def _torques(self, rate: Tensor, dt: float) -> Tensor:
         inertia = torch.tensor(self.config.inertia).to(rate)

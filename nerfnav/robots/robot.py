@@ -7,8 +7,9 @@ change `free` without constraints.
 
 from abc import ABC, abstractmethod
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 
 import torch
@@ -34,6 +35,8 @@ class Limit:
     upper: float | None = None
     """Largest value allowed."""
 
+TYPICAL_MOVE, TYPICAL_TURN = 0.15, 0.5
+"""Changes of a waypoint [m] and a heading [rad] that change a motion much."""
 CAMERA = Camera.from_fov(200, 200, 90)
 """Default camera of robots: as wide as the bundled fields' own photographs."""
 _NO_PART_OF_THE_MAP = frozenset(
@@ -141,10 +144,8 @@ class Robot(ABC):
         compiled = self.compiled_roll_out(start, actions, dt) if keeps_compiled_map(type(self)) else None
         if compiled is not None:
             return compiled
-        states = [start]
-        for action in actions:
-            states.append(self.step(states[-1], action, dt))
-        return RigidState.stack(states).position
+        states = accumulate(actions, lambda state, action: self.step(state, action, dt), initial=start)
+        return RigidState.stack(list(states)).position
 
     def compiled_roll_out(
         self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
@@ -233,21 +234,13 @@ _TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
-class LimitUse:
+class LimitUse(Limit):
     """Use of a limit by a motion."""
 
-    name: str
-    """Name of the limit."""
-    unit: str
-    """Unit of the demand."""
-    least: float
+    least: float = field(kw_only=True)
     """Smallest value over the motion."""
-    most: float
+    most: float = field(kw_only=True)
     """Largest value over the motion."""
-    lower: float | None
-    """Smallest value allowed; None where nothing is too small."""
-    upper: float | None
-    """Largest value allowed; None where nothing is too large."""
 
     @property
     def violated(self) -> bool:
@@ -261,14 +254,7 @@ def limit_uses(robot: Robot, motion: Motion) -> tuple[LimitUse, ...]:
     """Compute the use of each of the robot's bounds by one motion."""
     demands = robot.demands(motion)
     return tuple(
-        LimitUse(
-            bound.name,
-            bound.unit,
-            demands[bound.name].min().item(),
-            demands[bound.name].max().item(),
-            bound.lower,
-            bound.upper,
-        )
+        LimitUse(**vars(bound), least=demands[bound.name].min().item(), most=demands[bound.name].max().item())
         for bound in robot.bounds
     )
 

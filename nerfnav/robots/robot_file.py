@@ -45,13 +45,6 @@ class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
     file: str | None = None
 
 
-def give_camera(robot: Robot, entry: CameraFile | None, folder: Path) -> Robot:
-    """Give a robot the camera of its file, which lies in `folder`. Raises InvalidInputError for an invalid one."""
-    if entry is None:
-        return robot
-    return robot.with_camera(_camera_of(entry, folder), mount_of(entry.position, entry.pitch))
-
-
 def mount_of(position: Vector, pitch: float) -> Pose:
     """Compute T_body_camera of a camera at `position` [m] in the body that looks ahead, `pitch` [rad] downwards."""
     if not all(map(math.isfinite, position)) or not abs(pitch) <= math.pi / 2:
@@ -130,8 +123,10 @@ def robot_of(entry: RobotFile, folder: Path) -> Robot:
         raise InvalidInputError("a robot needs a name")
     body, counts = body_of(entry.body, folder)
     shared = {"name": entry.name, "extents": body.extents, "point_counts": counts}
-    robot = _MAKERS[entry.kind](entry, shared)
-    return give_camera(robot.with_body(body), entry.camera, folder)
+    robot, camera = _MAKERS[entry.kind](entry, shared).with_body(body), entry.camera
+    if camera is None:
+        return robot
+    return robot.with_camera(_camera_of(camera, folder), mount_of(camera.position, camera.pitch))
 
 
 def _quadrotor(entry: RobotFile, shared: dict[str, Any]) -> Robot:

@@ -5,6 +5,7 @@ body. The tangent of x has 12 numbers in this order: dp [m], dv [m/s], dtheta [r
 x (+) d = (p + dp, v + dv, R Exp(dtheta), w + dw).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -34,7 +35,7 @@ class RigidState(TensorStruct):
     """w, in the body's axes [rad/s]."""
 
     @classmethod
-    def at_rest(cls, position: tuple[float, float, float], yaw: float = 0.0) -> "RigidState":
+    def at_rest(cls, position: Sequence[float], yaw: float = 0.0) -> "RigidState":
         """Make a level state without motion at `position` [m], heading `yaw` [rad]."""
         zero = torch.zeros(3)
         return cls(torch.tensor(position, dtype=torch.float32), zero, so3.from_yaw(torch.tensor(float(yaw))), zero)

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.planner.baselines.waypoint_following import plan_along
-from nerfnav.planner.objective.problem import PlanProblem, map_for
+from nerfnav.planner.objective.problem import PlanProblem, checked_map
 from nerfnav.planner.polynomials import PiecewisePolynomial, derivative_rows, squared_derivative
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.astar import (
@@ -31,7 +31,6 @@ from nerfnav.planner.space.astar import (
     scale_headings,
     waypoints_along,
 )
-from nerfnav.planner.space.ends import check_ends
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanResult
 
@@ -69,9 +68,7 @@ def plan_minimum_snap(
     """
     config = MinSnapConfig() if config is None else config
     start, goal = problem.start, problem.goal
-    problem.robot.check_ends(start, goal)
-    occupancy = map_for(problem, occupancy or config.occupancy)
-    check_ends(problem.field, problem.robot.body, start, goal, occupancy)
+    occupancy = checked_map(problem, occupancy or config.occupancy)
     paths = find_paths(occupancy, start, goal, SearchConfig.single())
     path = paths[0] if paths else torch.stack([start.position, goal.position])
     tolerance = occupancy.scales.rounding if config.tolerance is None else config.tolerance

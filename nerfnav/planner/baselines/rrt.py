@@ -6,7 +6,6 @@ triangles.
 """
 
 from dataclasses import dataclass, field, replace
-from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,15 +20,13 @@ from nerfnav.field import Field, field_mesh
 from nerfnav.geometry import Box
 from nerfnav.planner.baselines.geometric_controller import Reference, TrackingConfig, track
 from nerfnav.planner.baselines.waypoint_following import plan_along
-from nerfnav.planner.objective.problem import PlanProblem
+from nerfnav.planner.objective.problem import PlanProblem, checked_map
 from nerfnav.planner.objective.safety import downgrade_outcome
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.astar import smooth_path, waypoints_along
-from nerfnav.planner.space.ends import check_ends
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanResult
-from nerfnav.planner.trajectory import motion_of
-from nerfnav.robots import Motion, Quadrotor, Robot
+from nerfnav.robots import Quadrotor, Robot
 
 if TYPE_CHECKING:
     import trimesh
@@ -129,9 +126,7 @@ def plan_rrt(
         raise InvalidInputError(
             f"the planner rrt moves a ball through the air, but a {robot.name} stays on the ground: use another one"
         )
-    robot.check_ends(problem.start, problem.goal)
-    occupancy = occupancy or OccupancyMap.of(problem.field, robot.body, config.occupancy)
-    check_ends(problem.field, robot.body, problem.start, problem.goal, occupancy)
+    checked_map(problem, occupancy or config.occupancy)
     check = check or ball_check(problem.field, robot, config)
     path = grow(check, problem.field.box, problem.start.position, problem.goal.position, config)
     if path is None:
@@ -148,23 +143,13 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
     """
     waypoints = waypoints_along(smooth_path(path), problem.start, problem.goal, problem.steps)
     planned = plan_along(problem, waypoints, config.weights, PlanOutcome.CONVERGED)
-    flown = follow(problem.robot, problem, waypoints, config.tracking)
+    flown = planned.motion  # a robot without a controller moves as its flatness map says
+    if isinstance(problem.robot, Quadrotor):
+        reference = Reference(waypoints[:, :3], waypoints[:, 3], problem.dt)
+        flown = track(problem.robot, problem.start, reference, problem.steps, config.tracking)
     with torch.no_grad():
         cost = problem.cost(flown, config.weights).numbers()
     return replace(planned, motion=flown, cost=cost, outcome=downgrade_outcome(problem, flown, PlanOutcome.CONVERGED))
-
-
-@singledispatch
-def follow(robot: Robot, problem: PlanProblem, waypoints: Float[Tensor, "times 4"], config: TrackingConfig) -> Motion:
-    """Follow waypoints; a robot without a controller moves as its flatness map says."""
-    free = robot.encode(waypoints, problem.start, problem.goal, problem.dt)
-    return motion_of(robot, free, problem.route).detach()
-
-
-@follow.register(Quadrotor)
-def _(robot: Quadrotor, problem: PlanProblem, waypoints: Float[Tensor, "times 4"], config: TrackingConfig) -> Motion:
-    reference = Reference(waypoints[:, :3], waypoints[:, 3], problem.dt)
-    return track(robot, problem.start, reference, problem.steps, config)
 
 
 def ball_check(field: Field, robot: Robot, config: RRTConfig) -> BallCheck:

@@ -16,8 +16,7 @@ def plan_along(
     problem: PlanProblem, waypoints: Float[Tensor, "times 4"], weights: CostWeights, outcome: PlanOutcome
 ) -> PlanResult:
     """Follow waypoints (x, y, z [m], yaw [rad]) as nearly as ends and dynamics allow."""
-    free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
-    return _judge(problem, Trajectory(free, problem.route), weights, outcome)
+    return _judge(problem, problem.trajectory_through(waypoints), weights, outcome)
 
 
 def replan_rest(problem: PlanProblem, last: Motion, executed: int, weights: CostWeights) -> PlanResult:
@@ -25,8 +24,9 @@ def replan_rest(problem: PlanProblem, last: Motion, executed: int, weights: Cost
 
     A new minimum-snap curve at each step would be worse: noise of the velocity makes it swing out.
     """
-    start, goal, robot = problem.start, problem.goal, problem.robot
-    trajectory = shift_warm_start(last, start, goal, robot, executed=executed, steps=problem.steps)
+    trajectory = shift_warm_start(
+        last, problem.start, problem.goal, problem.robot, executed=executed, steps=problem.steps
+    )
     return _judge(problem, trajectory, weights, PlanOutcome.CONVERGED)
 
 

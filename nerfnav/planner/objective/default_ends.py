@@ -6,7 +6,7 @@ its camera is lost in front of the void. And they keep clear of what noise would
 can answer.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from nerfnav.field import Field, density_and_gradient
 from nerfnav.geometry import so3
+from nerfnav.planner.active_yaw import wrap_yaw
 from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
 from nerfnav.planner.space.border import holds_level
 from nerfnav.planner.space.ends import fits
@@ -71,14 +72,25 @@ def propose_ends(
     """
     config = ProposedEndsConfig() if config is None else config
     regions = ground_regions(matter, robot.body, map_at) if robot.planar else free_regions(map_at(0.0))
-    best, least = None, _LIKELY
-    for region in regions:
-        if region.extent < config.shortest * max(robot.body.extents[:2]):
-            continue
-        pair, risk = _pair_in(region, field, matter, robot, config)
-        if risk < least:
-            best, least = pair, risk
-        if least < _SAFE:
+    wide = (region for region in regions if region.extent >= config.shortest * max(robot.body.extents[:2]))
+    return _safest((_pair_in(region, field, matter, robot, config) for region in wide), _LIKELY).pair
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Pair, if there is one, and the risk of the path between its ends."""
+
+    pair: Pair | None
+    risk: float
+
+
+def _safest(found: Iterable[_Judged], most: float) -> _Judged:
+    """Return the pair with the smallest risk, if that is below `most`; a safe one ends the search."""
+    best = _Judged(None, most)
+    for judged in found:
+        if judged.risk < best.risk:
+            best = judged
+        if judged.risk < _SAFE:
             break
     return best
 
@@ -92,7 +104,7 @@ def path_between(occupancy: OccupancyMap, pair: Pair) -> Float[torch.Tensor, "n 
 
 def _pair_in(
     region: Region, field: Field, matter: Field, robot: Robot, config: ProposedEndsConfig
-) -> tuple[Pair | None, float]:
+) -> _Judged:
     """Find the best pair of a region that fits, with its headings, and the risk of the path between them."""
     occupancy, rounding = region.occupancy, 10**region.occupancy.scales.decimals
     generator = np.random.default_rng(config.seed)
@@ -104,22 +116,18 @@ def _pair_in(
     points = torch.cat([rounded[:, :2], points[:, 2:] if robot.planar else rounded[:, 2:]], -1)
     points = points[holds_level(field.box, robot.body, points)]
     if len(points) < 2:
-        return None, np.inf
+        return _Judged(None, np.inf)
     seen = measure_visibility(matter, points, torch.arange(config.headings) * (2 * torch.pi / config.headings))
     apart = _distance_wanted(region, field, robot, config)
-    best: Pair | None = None
-    least = np.inf
-    for one, other in _ranked(points, seen, matter, apart, config):
-        pair = _with_headings(points[one], points[other], (seen[one], seen[other]), occupancy, robot)
-        if pair is None or not all(fits(field, robot.body, state, occupancy.scales.threshold) for state in pair):
-            continue
-        risk = _risk_between(pair, field, robot, occupancy)
-        risk = max(risk, min(risk + _risk_at(pair, field, robot, occupancy), _CRAMPED))
-        if risk < least:
-            best, least = pair, risk
-        if risk < _SAFE:
-            break
-    return best, least
+
+    def judged() -> Iterator[_Judged]:
+        for one, other in _ranked(points, seen, matter, apart, config):
+            pair = _with_headings(points[one], points[other], (seen[one], seen[other]), occupancy, robot)
+            if pair and all(fits(field, robot.body, state, occupancy.scales.threshold) for state in pair):
+                risk = _risk_between(pair, field, robot, occupancy)
+                yield _Judged(pair, max(risk, min(risk + _risk_at(pair, field, robot, occupancy), _CRAMPED)))
+
+    return _safest(judged(), np.inf)
 
 
 def _risk_at(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
@@ -179,12 +187,12 @@ def _with_headings(
 ) -> Pair | None:  # fmt: skip
     """Give two points headings, if there is a path: along it for a robot on the ground, else to the best view.
     """
-    level = RigidState.at_rest(_tuple(start), 0.0), RigidState.at_rest(_tuple(goal), 0.0)
+    level = RigidState.at_rest(start.tolist(), 0.0), RigidState.at_rest(goal.tolist(), 0.0)
     path = path_between(occupancy, level)
     if path is None:
         return None
     yaws = _along(path[:, :3], occupancy.scales.width) if robot.planar else _toward_most(*seen)
-    pair = RigidState.at_rest(_tuple(start), yaws[0]), RigidState.at_rest(_tuple(goal), yaws[1])
+    pair = RigidState.at_rest(start.tolist(), yaws[0]), RigidState.at_rest(goal.tolist(), yaws[1])
     return pair if not robot.planar or path_between(occupancy, pair) is not None else None
 
 
@@ -203,12 +211,5 @@ def _toward_most(start: np.ndarray, goal: np.ndarray) -> tuple[float, float]:
     turn = np.arange(count)[None] - np.arange(count)[:, None]
     turn = np.abs((turn + count // 2) % count - count // 2) / (count / 2)
     best = int(((start[:, None] + goal[None]) / most - 0.5 * turn).argmax())
-    return tuple(_wrapped(heading * 2 * np.pi / count) for heading in divmod(best, count))  # type: ignore[return-value]
-
-
-def _wrapped(yaw: float) -> float:
-    return round(float((yaw + np.pi) % (2 * np.pi) - np.pi), 4)
-
-
-def _tuple(point: Float[torch.Tensor, "3"]) -> tuple[float, float, float]:
-    return point[0].item(), point[1].item(), point[2].item()
+    first, last = (round(wrap_yaw(heading * 2 * np.pi / count), 4) for heading in divmod(best, count))
+    return first, last

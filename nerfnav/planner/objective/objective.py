@@ -13,7 +13,7 @@ compiled flatness map like those of every other term. The map's adjoint takes no
 that looks at these is differentiated through the robot's own `motion` for them.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol, final, runtime_checkable
@@ -23,7 +23,6 @@ import torch
 from torch import Tensor
 
 from nerfnav.planner.kernels import quadrotor as kernels
-from nerfnav.planner.kernels.bfgs import newton_steps
 from nerfnav.planner.space.border import reach_of
 from nerfnav.planner.steps import COST_FIELDS, PlanCost, TermCost
 from nerfnav.planner.terms.collision import COLLISION
@@ -84,9 +83,6 @@ def _in_tangent(rotation: np.ndarray, by_matrix: np.ndarray) -> np.ndarray:
 
 
 _KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK)
-_AT_ONCE = 10
-"""Steps of a search that are made in one call: they count from its start, so that none is made for nothing where a
-search is left after a multiple of it."""
 
 
 @runtime_checkable
@@ -110,62 +106,6 @@ class Evaluation:
     """The terms of J."""
     gradient: np.ndarray
     """dJ / d free (k)."""
-
-
-@dataclass(frozen=True)
-class Iterate:
-    """One point of a search."""
-
-    point: Evaluation
-    """J at this point."""
-    settled: bool
-    """True if J has settled there."""
-
-
-@dataclass(frozen=True)
-class LineSearch:
-    """Backtracking (Nocedal and Wright, "Numerical Optimization", 2006, Alg. 3.1)."""
-
-    armijo: float = 1e-4
-    """Share of the slope by which J must fall."""
-    low: float = 0.1
-    """Least factor between two tries of a step."""
-    high: float = 0.5
-    """Largest factor."""
-    tries: int = 12
-    """Largest number of tries."""
-
-
-@dataclass(frozen=True)
-class Settling:
-    """Rule by which J has settled, see NewtonConfig."""
-
-    patience: int
-    """Number of iterations that are compared."""
-    tolerance: float
-    """Share of J by which they must have improved it."""
-    least: float
-    """Value of J below which shares are taken of this instead [1]."""
-
-
-@dataclass(frozen=True)
-class SearchRule:
-    """Settings of a compiled search, see NewtonConfig."""
-
-    iterations: int
-    """Largest number of steps."""
-    line: LineSearch
-    """Settings of the line search."""
-    damping: float
-    """Least share of the curvature that is expected along a step."""
-    settling: Settling
-    """Rule by which the search ends."""
-
-    @property
-    def numbers(self) -> tuple:
-        """Return the numbers as the kernel takes them."""
-        line, end = self.line, self.settling
-        return (line.armijo, line.low, line.high, line.tries), self.damping, end.patience, end.tolerance, end.least
 
 
 @dataclass(frozen=True)
@@ -204,27 +144,6 @@ class FusedObjective:
     def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Compute differences (k, k) of the gradient of all terms but collision, over a step of each free number."""
         return kernels.effort_curvature(free, *self.parts, steps)
-
-    def steps(
-        self, start: Evaluation, inverse: np.ndarray, reach: np.ndarray, rule: SearchRule
-    ) -> Iterator[Iterate]:
-        """Search by BFGS from a start and the inverse Hessian there.
-
-        A few steps are made in one call, before the first of them is yielded.
-        """
-        count = len(start.free)
-        trace = tuple(np.empty((rule.iterations + 1, width)) for width in (count, count, 4))
-        cost = start.cost
-        trace[0][0], trace[1][0] = start.free, start.gradient
-        trace[2][0] = cost.collision, cost.control, cost.limits, cost.risk
-        inverses, at, settled, fresh = (inverse.copy(), inverse), 0, False, True
-        while at < rule.iterations and not settled:
-            before, until = at, min((at + 1) // _AT_ONCE * _AT_ONCE + _AT_ONCE - 1, rule.iterations)
-            at, settled, fresh = newton_steps(trace, at, until, fresh, inverses, reach, self.parts, rule.numbers)
-            made = slice(min(before + 1, at), at + 1)  # the last one again where J does not fall at all
-            rows = zip(range(made.start, at + 1), trace[0][made], trace[1][made], trace[2][made].tolist(), strict=True)
-            for step, free, gradient, terms in rows:
-                yield Iterate(Evaluation(free, PlanCost(*terms), gradient), settled and step == at)
 
 
 @dataclass

@@ -72,6 +72,10 @@ class PlanProblem:
         height = self.start.position[2].item() if self.robot.planar else None
         return RiskContext(self.dt, self.noise, pace, height)
 
+    def trajectory_through(self, waypoints: Float[Tensor, "times 4"]) -> Trajectory:
+        """Follow waypoints (x, y, z [m], yaw [rad]) as nearly as ends and dynamics allow."""
+        return Trajectory(self.robot.encode(waypoints, self.start, self.goal, self.dt), self.route)
+
     def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
         """Evaluate the terms of J for a motion."""
         return evaluate(self.terms, self.context(weights), motion)
@@ -110,12 +114,20 @@ def first_guesses(
 
     Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between.
     """
+    return paths_between(problem, initial, checked_map(problem, occupancy), search)
+
+
+def checked_map(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
+    """Return the map to search on, see `map_for`, once the ends are checked.
+
+    Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between.
+    """
     for name, state in (("start", problem.start), ("goal", problem.goal)):
         check_finite(name, state)
     problem.robot.check_ends(problem.start, problem.goal)
     occupancy = map_for(problem, occupancy)
     check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
-    return paths_between(problem, initial, occupancy, search)
+    return occupancy
 
 
 def paths_between(
@@ -155,14 +167,10 @@ def _paths(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) 
 def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
     """Return the map to search on: of the start's height alone for a robot that never leaves it."""
     config = occupancy if isinstance(occupancy, OccupancyConfig) else occupancy.config
-    if problem.robot.planar:
-        height = problem.start.position[2].item()
-        if isinstance(occupancy, OccupancyMap) and occupancy.is_of(height):
-            return occupancy
-        return OccupancyMap.of(problem.field, problem.robot.body, config, height)
-    if isinstance(occupancy, OccupancyMap):
+    height = problem.start.position[2].item() if problem.robot.planar else None
+    if isinstance(occupancy, OccupancyMap) and (height is None or occupancy.is_of(height)):
         return occupancy
-    return OccupancyMap.of(problem.field, problem.robot.body, config)
+    return OccupancyMap.of(problem.field, problem.robot.body, config, height)
 
 
 def _smooth(path: Float[Tensor, "n c"], rounding: float, scales: Scales) -> Float[Tensor, "m c"]:
@@ -171,5 +179,4 @@ def _smooth(path: Float[Tensor, "n c"], rounding: float, scales: Scales) -> Floa
 
 def _along(problem: PlanProblem, path: Float[Tensor, "n c"], turn: float = TURN) -> Trajectory:
     waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps, turn)
-    free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
-    return Trajectory(free, problem.route)
+    return problem.trajectory_through(waypoints)

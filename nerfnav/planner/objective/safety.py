@@ -72,12 +72,12 @@ class Safety:
     """The step with the largest bound."""
 
 
+@torch.no_grad()
 def assess_safety(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
     """Assess one motion in the field."""
     config = SafetyConfig() if config is None else config
-    with torch.no_grad():
-        steps = collision_per_step(field, motion, body, config.samples_per_step)
-        clearance = measure_clearance(field, motion, body, config)
+    steps = collision_per_step(field, motion, body, config.samples_per_step)
+    clearance = measure_clearance(field, motion, body, config)
     return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
 
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_risk
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.solvers.warm_start import MovedEndsConfig, replan_from, replan_moved_ends
-from nerfnav.planner.space.occupancy import OccupancyMap
+from nerfnav.planner.solvers.warm_start import replan_from, replan_moved_ends
 from nerfnav.planner.steps import PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
@@ -20,8 +19,6 @@ class FastPlanner(FieldPlanner):
     """Settings of the first plan."""
     again: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
     """Settings with which the plan is redone at each time step."""
-    occupancy: OccupancyMap | None = None
-    """Saves making the map of the field again where the caller has it."""
 
     def plan(self, route: Route) -> PlanSteps:
         """Plan from scratch, see Planner."""
@@ -33,7 +30,7 @@ class FastPlanner(FieldPlanner):
 
     def replan_moved_ends(self, last: Motion, route: Route) -> PlanSteps:
         """Plan between moved ends, see InteractivePlanner."""
-        return replan_moved_ends(self.problem(route), last, MovedEndsConfig(self.first), self.occupancy)
+        return replan_moved_ends(self.problem(route), last, self.first, self.occupancy)
 
 
 FAST = PlannerEntry("fast", FastPlanner, FastPlanConfig, with_risk, real_time=True, color=(70, 84, 255))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from nerfnav.planner.baselines.minsnap import MinSnapConfig, plan_minimum_snap
 from nerfnav.planner.baselines.waypoint_following import replan_rest
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
-from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
@@ -20,8 +19,6 @@ class MinSnapPlanner(FieldPlanner):
     """Settings of the first plan."""
     again: MinSnapConfig = dataclasses.field(default_factory=MinSnapConfig)
     """Weights of the cost of a plan that is redone."""
-    occupancy: OccupancyMap | None = None
-    """Saves making the map of the field again where the caller has it."""
 
     def plan(self, route: Route) -> PlanSteps:
         """Plan from scratch, see Planner; one linear system has no iterations to yield."""

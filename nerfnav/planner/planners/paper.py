@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_room
 from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
 from nerfnav.planner.solvers.warm_start import shift_warm_start
-from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
@@ -20,8 +19,6 @@ class PaperPlanner(FieldPlanner):
     """Settings of the first plan."""
     again: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper_replan)
     """Settings with which the plan is redone at each time step."""
-    occupancy: OccupancyMap | None = None
-    """Saves making the map of the field again where the caller has it."""
 
     def plan(self, route: Route) -> PlanSteps:
         """Plan from scratch, see Planner."""

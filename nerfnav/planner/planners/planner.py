@@ -87,6 +87,8 @@ class FieldPlanner:
     """Terms of J, see PlanProblem."""
     noise: NoiseModel = dataclasses.field(default=PAPER_NOISE, kw_only=True)
     """Noise of the flight, for plans that count risk."""
+    occupancy: OccupancyMap | None = dataclasses.field(default=None, kw_only=True)
+    """Saves making the map of the field again where the caller has it."""
 
     def problem(self, route: Route) -> PlanProblem:
         """Return the problem of planning from scratch."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from nerfnav.planner.baselines.rrt import BallCheck, RRTConfig, plan_rrt
 from nerfnav.planner.baselines.waypoint_following import replan_rest
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
-from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
@@ -20,8 +19,6 @@ class RRTPlanner(FieldPlanner):
     """Settings of the first plan."""
     again: RRTConfig = dataclasses.field(default_factory=RRTConfig)
     """Weights of the cost of a plan that is redone; no tree is grown again."""
-    occupancy: OccupancyMap | None = None
-    """Saves making the map of the field again where the caller has it."""
     check: BallCheck | None = None
     """Saves making the mesh of the field again where the caller has it."""
 

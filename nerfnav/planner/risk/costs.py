@@ -97,6 +97,7 @@ def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch
     return (gamma * motion.actions.square()).sum((-2, -1))
 
 
+@torch.no_grad()
 def collision_probability_bound(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> float:
     """Bound the probability that one motion collides, at most 1: Eq. 1, and Boole's inequality over steps.
 
@@ -104,5 +105,4 @@ It rests on the field's densities and is no guarantee. It counts every body poin
     light fog on many points already brings it to 1; what is beyond the field's box counts as solid.
     `collision_per_step` has the terms of the sum.
     """
-    with torch.no_grad():
-        return min(1.0, collision_per_step(field, motion, body, samples_per_step).sum().item())
+    return min(1.0, collision_per_step(field, motion, body, samples_per_step).sum().item())

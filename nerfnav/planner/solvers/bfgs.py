@@ -10,11 +10,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted, rank_two
-from nerfnav.planner.objective.objective import Evaluation, Iterate, LineSearch, Objective, SearchRule, Settling
+from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted, newton_steps, rank_two
+from nerfnav.planner.objective.objective import Evaluation, FusedObjective, Objective
+from nerfnav.planner.steps import PlanCost
 
-_SEARCH = LineSearch()
+_ARMIJO, _TRIES = 1e-4, 12
+"""Backtracking (Nocedal and Wright, Alg. 3.1): share of the slope by which J must fall, and largest number of tries."""
+_LOW, _HIGH = 0.1, 0.5
+"""Least and largest factor between two tries of a step."""
 _DAMPING = 0.2
+"""Least share of the curvature that is expected along a step."""
+_AT_ONCE = 10
+"""Steps of a search that are made in one call: they count from its start, so that none is made for nothing where a
+search is left after a multiple of it."""
 _DIFFERENCE = 1e-4
 """Step of the differences that curvature is taken from, in scales."""
 _STIFFER, _LOOSER = 10.0, 10.0
@@ -47,6 +55,16 @@ class NewtonConfig:
         return replace(self, prior=_STIFFER * self.prior, tolerance=_LOOSER * self.tolerance)
 
 
+@dataclass(frozen=True)
+class Iterate:
+    """One point of a search."""
+
+    point: Evaluation
+    """J at this point."""
+    settled: bool
+    """True if J has settled there."""
+
+
 def minimise(
     objective: Objective,
     now: Evaluation,
@@ -77,9 +95,7 @@ def _descend(
 ) -> Iterator[Iterate]:
     """Yield the iterates after `now`, from one inverse Hessian on."""
     if objective.fused is not None:
-        settling = Settling(config.patience, config.tolerance, config.least)
-        rule = SearchRule(config.iterations, _SEARCH, _DAMPING, settling)
-        yield from objective.fused.steps(now, inverse, reach, rule)
+        yield from _descend_compiled(objective.fused, now, inverse, reach, config)
         return
     first, history, fresh = inverse, [now.cost.total], True
     for _ in range(config.iterations):
@@ -98,6 +114,25 @@ def _descend(
         yield Iterate(now, settled)
         if settled:
             return
+
+
+def _descend_compiled(
+    fused: FusedObjective, start: Evaluation, inverse: np.ndarray, reach: np.ndarray, config: NewtonConfig
+) -> Iterator[Iterate]:
+    """Do the same for a fused objective: a few steps are made in one call, before the first of them is yielded."""
+    count, cost = len(start.free), start.cost
+    trace = tuple(np.empty((config.iterations + 1, width)) for width in (count, count, 4))
+    trace[0][0], trace[1][0] = start.free, start.gradient
+    trace[2][0] = cost.collision, cost.control, cost.limits, cost.risk
+    rule = (_ARMIJO, _LOW, _HIGH, _TRIES), _DAMPING, config.patience, config.tolerance, config.least
+    inverses, at, settled, fresh = (inverse.copy(), inverse), 0, False, True
+    while at < config.iterations and not settled:
+        before, until = at, min((at + 1) // _AT_ONCE * _AT_ONCE + _AT_ONCE - 1, config.iterations)
+        at, settled, fresh = newton_steps(trace, at, until, fresh, inverses, reach, fused.parts, rule)
+        made = slice(min(before + 1, at), at + 1)  # the last one again where J does not fall at all
+        rows = zip(range(made.start, at + 1), trace[0][made], trace[1][made], trace[2][made].tolist(), strict=True)
+        for step, free, gradient, terms in rows:
+            yield Iterate(Evaluation(free, PlanCost(*terms), gradient), settled and step == at)
 
 
 def preconditioner(
@@ -152,13 +187,12 @@ def _search(
     none.
     """
     length = min(1.0, float(1 / np.max(np.abs(direction) / reach)))
-    for _ in range(_SEARCH.tries):
+    for _ in range(_TRIES):
         tried = objective(now.free + length * direction)
         gain = tried.cost.total - now.cost.total
-        if gain <= _SEARCH.armijo * length * slope:
+        if gain <= _ARMIJO * length * slope:
             return tried
         # the minimum of the parabola through these values; NaN shrinks as far as allowed
         best = -0.5 * slope * length**2 / (gain - slope * length)
-        low, high = _SEARCH.low, _SEARCH.high
-        length *= high if not np.isfinite(best) else float(np.clip(best / length, low, high))
+        length *= float(np.clip(best / length, _LOW, _HIGH)) if np.isfinite(best) else _HIGH
     return None

@@ -8,7 +8,7 @@ no room around it meanwhile: the bound is on the body as it is, and a larger one
 bound, meets more fog with the points that count.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 
@@ -22,16 +22,9 @@ from nerfnav.planner.terms.risk import RISK
 
 _TO_REFINE = (*FLYABLE, PlanOutcome.LIKELY_COLLISION)
 """Outcomes of plans that can be made safer."""
-
-
-@dataclass(frozen=True)
-class ChanceConstraintConfig:
-    """Factors on the weight of collision in the rounds of the penalty method."""
-
-    improving: tuple[float, ...] = (10.0, 100.0, 1000.0)
-    """In the rounds that improve the given plan."""
-    anew: tuple[float, ...] = (100.0,)
-    """In the rounds that then search another path."""
+_IMPROVING, _ANEW = (10.0, 100.0, 1000.0), (100.0,)
+"""Factors on the weight of collision in the rounds that improve the given plan, and in those that then search another
+path."""
 
 
 def enforce_chance_constraint(
@@ -46,16 +39,16 @@ def enforce_chance_constraint(
     Costs keep the weights of `config`. The outcome is TOO_RISKY where the bound stays above `most`: `bound_risk` says
     by how much.
     """
-    chance, best = ChanceConstraintConfig(), planned
-    risk, factors = bound_risk(problem, best, config.weights), (*chance.improving, *chance.anew)
-    for turn, factor in enumerate(factors, 1):
+    best, risk = planned, bound_risk(problem, planned, config.weights)
+    for turn, factor in enumerate((*_IMPROVING, *_ANEW), 1):
         if risk <= most or best.outcome not in _TO_REFINE:
             break
         heavier = {name: factor * getattr(config.weights, name) for name in ("collision", "risk")}
         careful = replace(config, weights=replace(config.weights, margin=0.0, **heavier))
-        improving = turn <= len(chance.improving)
         found = run_steps(
-            improve(problem, (best.trajectory,), careful) if improving else plan_fast(problem, careful, occupancy)
+            improve(problem, (best.trajectory,), careful)
+            if turn <= len(_IMPROVING)
+            else plan_fast(problem, careful, occupancy)
         )
         if found.outcome in _TO_REFINE and (now := bound_risk(problem, found, config.weights)) < risk:
             with torch.no_grad():
@@ -66,11 +59,11 @@ def enforce_chance_constraint(
     return replace(best, outcome=PlanOutcome.TOO_RISKY if missed else best.outcome)
 
 
+@torch.no_grad()
 def bound_risk(problem: PlanProblem, step: PlanStep, weights: CostWeights) -> float:
     """Bound the probability of a collision, at most 1: Eq. 1 and, where the weights count risk, the expected collisions
     due to noise."""
     bound = collision_probability_bound(problem.field, step.motion, problem.robot.body)
     if weights.risk == 0:
         return bound
-    with torch.no_grad():
-        return min(1.0, bound + RISK.value(problem.context(weights), step.motion).item())
+    return min(1.0, bound + RISK.value(problem.context(weights), step.motion).item())

@@ -63,7 +63,7 @@ def estimate_timing(robot: Robot, length: float, dt: float, longest_dt: float | 
     Steps may be up to `longest_dt` long (default: see `longest_step`) where there would be very many of them.
     """
     fewest = max(DurationConfig.fewest, robot.minimum_steps)
-    speed = speed_limit(robot)
+    speed = robot.most("speed")
     if not speed:
         return Timing(fewest, dt, 0)
     least_s = length / speed
@@ -78,13 +78,8 @@ def estimate_timing(robot: Robot, length: float, dt: float, longest_dt: float | 
 def is_hurried(robot: Robot, distance: float, seconds: float) -> bool:
     """Return True if a time [s] is surely too short for a robot's limit of speed with ends a distance [m] apart: a path
     around obstacles is about 1.4 times the straight line, and easing in and out takes 1.4 times as long."""
-    speed = speed_limit(robot)
+    speed = robot.most("speed")
     return speed is not None and _AROUND * _EASING * distance > seconds * speed
-
-
-def speed_limit(robot: Robot) -> float | None:
-    """Return the robot's limit of speed [m/s]; None where it has none."""
-    return robot.most("speed")
 
 
 def longest_step(robot: Robot, speed: float) -> float:

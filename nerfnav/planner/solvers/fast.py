@@ -16,11 +16,11 @@ from itertools import islice
 import numpy as np
 import torch
 
-from nerfnav.planner.objective.objective import Evaluation, Iterate, Objective
+from nerfnav.planner.objective.objective import Evaluation, Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
 from nerfnav.planner.objective.safety import judge_search
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.solvers.bfgs import NewtonConfig, minimise, preconditioner
+from nerfnav.planner.solvers.bfgs import Iterate, NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
 from nerfnav.planner.space.ends import check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
@@ -121,13 +121,15 @@ def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: 
     if len(starts) == 1:  # it may be as good as it gets already
         reached[1] = desk.objective(starts[0])
     order = sorted(reached, key=lambda index: _rank(reached[index]))[: config.scout.finalists]
-    searches = {index: desk.search(reached[index], inverse) for index in order}
+    searches = {
+        index: minimise(desk.objective, reached[index], desk.scales, config.newton, inverse) for index in order
+    }
     latest: dict[int, Iterate] = {}
     for index in order:
         for found in islice(searches[index], config.scout.trial if len(order) > 1 else None):
             latest[index] = found
             yield desk.record(index, found.point)
-    winner = min(order, key=lambda index: desk.fine_total(latest[index].point))
+    winner = min(order, key=lambda index: _rank(desk.fine(latest[index].point.free)))
     for found in searches[winner]:
         latest[winner] = found
         yield desk.record(winner, found.point)
@@ -147,8 +149,8 @@ class _Desk:
         light = replace(
             weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
         )
-        fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)
-        self.objective, self._fine = self._weighing(weights), self._weighing(fine)
+        fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)  # misses nothing between densities
+        self.objective, self.fine = self._weighing(weights), self._weighing(fine)
         self._light = self._weighing(light, scout.points)
         self.scales = problem.robot.free_scales(trajectory.free).double().numpy()
         if problem.keeps_headings:
@@ -158,10 +160,6 @@ class _Desk:
         """Make J with other weights, and with a coarser body."""
         context = replace(self._problem.context(weights), points=points)
         return Objective(context, self._trajectory.route, self._problem.terms, self._flat)
-
-    def search(self, start: Evaluation, inverse: np.ndarray) -> Iterator[Iterate]:
-        """Search with the full J."""
-        return minimise(self.objective, start, self.scales, self._config.newton, inverse)
 
     def scout(self, starts: list[np.ndarray], inverse: np.ndarray) -> dict[int, Evaluation]:
         """Search with the coarse body; return the ends of the most promising guesses, with the full J there."""
@@ -189,16 +187,11 @@ class _Desk:
                 return Iterate(self.objective(tried.point.free), tried.settled) if firmer > 1 else reached
         return reached
 
-    def fine_total(self, reached: Evaluation) -> float:
-        """Compute J with so many densities that nothing is missed between them."""
-        return _rank(self._fine(reached.free))
-
     def record(self, index: int, reached: Evaluation) -> PlanStep:
         """Make the next step to yield."""
         self._flat.forward(reached.free)  # the search may have looked elsewhere since
-        free = torch.from_numpy(reached.free).to(self._trajectory.free)
+        trajectory = self._trajectory.with_free(torch.from_numpy(reached.free).to(self._trajectory.free))
         self._count += 1
-        trajectory = self._trajectory.with_free(free)
         return PlanStep(self._count - 1, trajectory, self._flat.motion(), reached.cost, start_index=index)
 
     def here(self) -> PlanStep:

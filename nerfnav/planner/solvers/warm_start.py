@@ -10,11 +10,13 @@ and after its search that the plan still ends at the goal, stays clear and costs
 it. Otherwise it searches paths anew from the robot's state, and the better plan is flown.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import torch
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import map_steps
 from nerfnav.geometry import so3
 from nerfnav.planner.objective.objective import FusedObjective
 from nerfnav.planner.objective.problem import FirstGuesses, PlanProblem, map_for, path_length, paths_between
@@ -28,6 +30,7 @@ from nerfnav.planner.terms.delay import DELAY
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap_angles
 
+Step = TypeVar("Step", bound=PlanStep)
 _RECOVERY_S = 1.2
 """Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""
 
@@ -65,8 +68,6 @@ def shift_warm_start(
 class WarmStartConfig:
     """Limits beyond which a plan is given up and made anew."""
 
-    drift_m: float | None = None
-    """Largest distance from the goal at which the last plan may end [m]; None: half the robot's width."""
     drift_rad: float = 0.2
     """Largest difference between its last heading and the goal's [rad]."""
     rise: float = 2.0
@@ -129,12 +130,11 @@ def _plan_anew(
 
 def _continue_count(steps: PlanSteps, first: int, reason: Restart | None = None) -> PlanSteps:
     """Count the iterations from `first` on, and note the reason of a restart."""
-    while True:
-        try:
-            step: PlanStep = next(steps)
-        except StopIteration as end:
-            return replace(end.value, iteration=first + end.value.iteration, restart=reason)
-        yield replace(step, iteration=first + step.iteration, restart=reason)
+
+    def counted(step: Step) -> Step:
+        return replace(step, iteration=first + step.iteration, restart=reason)
+
+    return counted((yield from map_steps(steps, counted)))
 
 
 def _new_guesses(
@@ -152,7 +152,7 @@ def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> tup
     """Compare the goal with the end of the last plan: true if it is elsewhere, and if its heading is another one; with
     that the rest of the last plan may still be better than any new path."""
     apart = last.states[-1].local(problem.goal)
-    drift = scales_of(problem.field, problem.robot.body).drift if warm.drift_m is None else warm.drift_m
+    drift = scales_of(problem.field, problem.robot.body).drift
     return bool(apart[POSITION].norm() > drift), bool(apart[ATTITUDE].norm() > warm.drift_rad)
 
 
@@ -167,6 +167,7 @@ def _rest(problem: PlanProblem, last: Motion, executed: int) -> Trajectory | Non
     return trajectory if torch.isfinite(trajectory.free).all() else None
 
 
+@torch.no_grad()
 def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPlanConfig) -> float:
     """Compute J of the rest of the last plan, for as many steps as there will be."""
     rest = last.left_after(executed)
@@ -175,11 +176,7 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
         return 0.0
     flat = problem.robot.flat_map(rest.states[0], rest.states[-1], left, rest.dt)
     fused = FusedObjective.of(problem.context(config.weights), problem.terms, flat)
-    if fused is not None:
-        total = fused.of_motion(rest).total
-    else:
-        with torch.no_grad():
-            total = problem.cost(rest, config.weights).total.item()
+    total = problem.cost(rest, config.weights).total.item() if fused is None else fused.of_motion(rest).total
     return total * max(1.0, problem.steps / left)
 
 
@@ -196,20 +193,8 @@ _LOST = (PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIV
 """Outcomes after which paths are searched anew."""
 
 
-@dataclass(frozen=True)
-class MovedEndsConfig:
-    """Settings of plans whose ends move."""
-
-    plan: FastPlanConfig = field(default_factory=FastPlanConfig)
-    """Settings of plans from scratch, with the weights of J."""
-    iterations: int = 12
-    """Most iterations with which a moved plan is improved; the next one goes on from there."""
-
-    @property
-    def improving(self) -> FastPlanConfig:
-        """Return the same search, cut short."""
-        newton = replace(self.plan.newton, iterations=self.iterations)
-        return replace(self.plan, newton=newton, scout=replace(self.plan.scout, iterations=self.plan.scout.heat))
+_DRAGGED = 12
+"""Most iterations with which a plan between moved ends is improved; the next one goes on from there."""
 
 
 def move_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
@@ -228,13 +213,13 @@ def move_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
     share = torch.linspace(0, 1, len(waypoints))[:, None]
     share = share.square() * (3 - 2 * share)
     waypoints = waypoints + (1 - share) * moved[0] + share * moved[1]
-    return Trajectory(problem.robot.encode(waypoints, start, goal, problem.dt), problem.route)
+    return problem.trajectory_through(waypoints)
 
 
 def replan_moved_ends(
     problem: PlanProblem,
     last: Motion,
-    config: MovedEndsConfig | None = None,
+    config: FastPlanConfig | None = None,
     occupancy: OccupancyMap | None = None,
 ) -> PlanSteps:
     """Plan with `last`, a plan of as many steps between ends that were near, as warm start.
@@ -242,14 +227,15 @@ def replan_moved_ends(
     Where that leads through something dense, paths are searched anew. Raises what `plan_fast` raises for ends that
     cannot be planned between.
     """
-    config, count = MovedEndsConfig() if config is None else config, 0
-    occupancy = map_for(problem, occupancy or config.plan.occupancy)
+    config, count = FastPlanConfig() if config is None else config, 0
+    occupancy = map_for(problem, occupancy or config.occupancy)
     check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
     moved = move_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
     if moved is not None and torch.isfinite(moved.free).all():
-        found = yield from improve(problem, (moved,), config.improving)
+        newton, scout = replace(config.newton, iterations=_DRAGGED), replace(config.scout, iterations=config.scout.heat)
+        found = yield from improve(problem, (moved,), replace(config, newton=newton, scout=scout))
         if found.outcome not in _LOST:
             return found
         yield found.as_step()
         count = found.iteration + 1
-    return (yield from _continue_count(plan_fast(problem, config.plan, occupancy), count))
+    return (yield from _continue_count(plan_fast(problem, config, occupancy), count))

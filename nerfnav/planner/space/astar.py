@@ -62,7 +62,7 @@ def find_path(
 
     A body with a map for each heading must fit with all of them; with `find_paths` it may turn.
     """
-    ends = RigidState.at_rest(_tuple(start)), RigidState.at_rest(_tuple(goal))
+    ends = RigidState.at_rest(start.tolist()), RigidState.at_rest(goal.tolist())
     any_heading, any_dense = (states.any(0, keepdim=True) for states in (occupancy.by_heading, occupancy.dense))
     any_heading_map = replace(occupancy, by_heading=any_heading, dense=any_dense)
     paths = find_paths(any_heading_map, *ends, SearchConfig(ways=1))
@@ -249,7 +249,3 @@ def _calming(count: int) -> Float[Tensor, "n n"]:
     wanted[~held] -= matrix[~held] * held
     wanted[~held] = torch.linalg.solve(matrix[~held][:, ~held], wanted[~held])
     return wanted
-
-
-def _tuple(point: Float[Tensor, "3"]) -> tuple[float, float, float]:
-    return point[0].item(), point[1].item(), point[2].item()

@@ -17,7 +17,7 @@ from nerfnav.field import Field
 from nerfnav.field.core.occupancy import SOLID_RAW, density_of
 from nerfnav.geometry import Box
 from nerfnav.planner.kernels.terms import SMOOTH
-from nerfnav.robots import Body, Motion, RigidState
+from nerfnav.robots import Body, Motion
 
 SOLID_BEYOND = density_of(SOLID_RAW)
 """Density of what is beyond the border [1/m]: that of unproven space."""
@@ -44,11 +44,6 @@ def density_within(
 def bordered_density(field: Field, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
     """`density_within` of a field, differentiable as the field is."""
     return density_within(field.box, points, field.density(points))
-
-
-def reaches_beyond(box: Box, body: Body, state: RigidState) -> bool:
-    """Return True if a body has a point beyond the border."""
-    return bool(is_beyond(box, body.points_at(state)).any())
 
 
 def holds_level(box: Box, body: Body, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:

@@ -8,7 +8,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.field import Field
 from nerfnav.geometry import so3
-from nerfnav.planner.space.border import reaches_beyond
+from nerfnav.planner.space.border import is_beyond
 from nerfnav.planner.space.occupancy import OccupancyMap, body_density
 from nerfnav.planner.space.scales import Scales, scales_of
 from nerfnav.robots import Body, RigidState
@@ -49,7 +49,7 @@ def fits(field: Field, body: Body, state: RigidState, threshold: float | None = 
 
 def explain_unfit(field: Field, body: Body, state: RigidState) -> str:
     """Explain in words why a body does not fit at a state, to go on after the name of the state."""
-    if reaches_beyond(field.box, body, state):
+    if is_beyond(field.box, body.points_at(state)).any():
         return "is so near the border of the field that the robot would reach beyond it"
     return "is in occupied space"
 
@@ -70,15 +70,11 @@ Its position has as many decimals as users see: whole centimetres for the paper'
     count = len(occupancy.by_heading)
     turns = torch.arange(1, count) * (torch.pi / count)
     turned = [replace(state, rotation=so3.from_yaw(turn) @ state.rotation) for turn in turns.to(state.position)]
-    for tried in ((state,), tuple(turned)):
-        nearest = _first_fit(field, body, tried, occupancy, state)
-        if nearest is not None:
-            return nearest
-    return None
+    return _first_fit(field, body, [state], occupancy, state) or _first_fit(field, body, turned, occupancy, state)
 
 
 def _first_fit(
-    field: Field, body: Body, states: tuple[RigidState, ...], occupancy: OccupancyMap, near: RigidState
+    field: Field, body: Body, states: list[RigidState], occupancy: OccupancyMap, near: RigidState
 ) -> RigidState | None:
     """Find the first of the states in whose attitude the body fits, at the nearest free voxel, rounded as users see
     it."""

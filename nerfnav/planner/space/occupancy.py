@@ -184,8 +184,7 @@ class OccupancyMap:
         config = OccupancyConfig() if config is None else config
         scales, box = config.scales(field, body), field.box.to("cpu")
         shape = shape_for(box, scales.voxel)
-        exact = _is_exact(field, config)
-        headings = headings_of(config, scales)
+        exact, headings = _is_exact(field, config), headings_of(config, scales)
         _require_room(box, shape if height is None else (*shape[:2], 1), scales, len(headings))
         parts = config.samples_per_voxel
         if height is None:
@@ -215,11 +214,6 @@ class OccupancyMap:
         flat = self.by_heading.shape[-1] == 1
         return flat and abs(self.box.lower[2].item() - height) <= 1e-6 * (1 + abs(height))
 
-    @property
-    def clearance(self) -> float:
-        """Return the distance to occupied space beyond which a path has no reason to keep off further [m]."""
-        return self.scales.clearance if self.config.clearance is None else self.config.clearance
-
     @cached_property
     def occupied(self) -> Bool[Tensor, "nx ny nz"]:
         """Mark voxels at whose centres the body does not fit with any heading."""
@@ -235,9 +229,10 @@ class OccupancyMap:
     def prices(self) -> np.ndarray:
         """Compute the cost of a metre in each voxel, (m, nx, ny, nz) float64 >= 1: more near walls, infinite without
         room for the body."""
-        spacing = self.spacing.double().numpy()
+        spacing, config = self.spacing.double().numpy(), self.config
+        clearance = self.scales.clearance if config.clearance is None else config.clearance
         each = [
-            maps.prices_near(dense.numpy().view(np.uint8), spacing, self.clearance, self.config.clearance_weight)
+            maps.prices_near(dense.numpy().view(np.uint8), spacing, clearance, config.clearance_weight)
             for dense in self.dense
         ]
         for prices, occupied in zip(each, self.by_heading, strict=True):
@@ -254,8 +249,7 @@ class OccupancyMap:
         lower = ((point - reach - self.box.lower) / self.spacing).ceil().long().clamp_min(0)
         upper = ((point + reach - self.box.lower) / self.spacing).floor().long() + 1
         window = tuple(slice(int(low), max(int(low), int(high))) for low, high in zip(lower, upper, strict=True))
-        index = (~occupied[window]).nonzero() + lower
-        centers = self.centers(index)
+        centers = self.centers((~occupied[window]).nonzero() + lower)
         distance = (centers - point).norm(dim=-1)
         order = distance.argsort(stable=True)
         return centers[order[distance[order] <= reach]]
@@ -270,11 +264,11 @@ class OccupancyMap:
         return torch.minimum(index.clamp_min(0), torch.tensor(self.by_heading.shape[1:]) - 1).numpy()
 
 
+@torch.no_grad()
 def body_density(field: Field, body: Body, state: RigidState) -> float:
     """Find the largest density at any point of the body [1/m]; what is beyond the field's box is as dense as solid
     space."""
-    with torch.no_grad():
-        return bordered_density(field, body.points_at(state)).max().item()
+    return bordered_density(field, body.points_at(state)).max().item()
 
 
 def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:

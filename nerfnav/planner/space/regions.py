@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from nerfnav.field import Field
@@ -36,8 +36,6 @@ class Region:
     """Occupancy map of the region."""
     inside: Bool[np.ndarray, "nx ny nz"]
     """True for the voxels of the region."""
-    room: float
-    """Least distance of its voxels from solid space [m]."""
 
     @property
     def extent(self) -> float:
@@ -63,7 +61,7 @@ def free_regions(
         for room in _ROOMS:
             inside = _largest(distance > room * spacing.max())
             if inside.any():
-                yield Region(occupancy, inside, room * float(spacing.max()))
+                yield Region(occupancy, inside)
 
 
 def ground_regions(
@@ -83,8 +81,7 @@ def ground_regions(
         if best is not None:
             # the nearer to the ground the better, unless there is much less room
             found.append((best.extent * (1 - 0.1 * index), best))
-    for _, region in sorted(found, key=lambda pair: -pair[0]):
-        yield region
+    yield from (region for _, region in sorted(found, key=lambda pair: -pair[0]))
 
 
 @dataclass(frozen=True)
@@ -116,8 +113,7 @@ class _Levels:
 
     def heights(self) -> Iterator[tuple[int, tuple[float, float]]]:
         """List heights of the body's middle and gaps below it [m], with the number of the gap."""
-        counts = self.tops.sum((0, 1)).astype(float)
-        counts = np.convolve(counts, [0.5, 1.0, 0.5], mode="same")
+        counts = np.convolve(self.tops.sum((0, 1)).astype(float), [0.5, 1.0, 0.5], mode="same")
         for _ in range(_FLOORS):
             best = int(counts.argmax())
             if counts[best] <= 0:
@@ -143,22 +139,15 @@ class _Levels:
 def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[np.ndarray, "nx ny nz"]:
     """Measure the distance of each voxel from space that is not free, the border of the box included [m]."""
     around = tuple((1, 1) if count > 1 else (0, 0) for count in free.shape)
-    padded = np.pad(free, around)
-    distance = np.asarray(ndimage.distance_transform_edt(padded, sampling=spacing))
-    x, y, z = (slice(before, size - after) for (before, after), size in zip(around, padded.shape, strict=True))
+    distance = np.asarray(ndimage.distance_transform_edt(np.pad(free, around), sampling=spacing))
+    x, y, z = (slice(before, size - after) for (before, after), size in zip(around, distance.shape, strict=True))
     return distance[x, y, z]
 
 
-def _labelled(mask: Bool[np.ndarray, "nx ny nz"]) -> tuple[Int[np.ndarray, "nx ny nz"], int]:
-    """Label connected components over faces: numbers from 1, 0 where there is none, and their count."""
-    labels = np.zeros(mask.shape, np.int32)
-    return labels, int(ndimage.label(mask, output=labels))  # type: ignore[arg-type]
-
-
 def _largest(mask: Bool[np.ndarray, "nx ny nz"]) -> Bool[np.ndarray, "nx ny nz"]:
-    """Select the largest component over faces."""
-    labels, count = _labelled(mask)
-    if count <= 1:
+    """Select the largest connected component over faces."""
+    labels = np.zeros(mask.shape, np.int32)  # numbers from 1, 0 where there is none
+    if int(ndimage.label(mask, output=labels)) <= 1:  # type: ignore[arg-type]
         return mask
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0

@@ -81,13 +81,8 @@ class Scales:
 
     @property
     def path_step(self) -> float:
-        """Distance of points along a smoothed path, and of checks along a branch of a tree: a quarter of a voxel."""
+        """Distance of points along a smoothed path: a quarter of a voxel."""
         return 0.25 * self.voxel
-
-    @property
-    def branch(self) -> float:
-        """Longest branch of a tree: 5 voxels, two bodies."""
-        return 5 * self.voxel
 
     @property
     def reach(self) -> float:

@@ -6,8 +6,8 @@ from torch import Tensor
 
 from nerfnav.planner.kernels import terms as kernels
 from nerfnav.planner.risk import costs
-from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap, Motion
+from nerfnav.planner.terms.term import CostTerm, Kernel, TermContext
+from nerfnav.robots import Motion
 
 
 def control(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
@@ -18,11 +18,7 @@ def control(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
 def control_kernel(context: TermContext, weight: float) -> Kernel:
     """Make the compiled twin of the term."""
     gamma = weight * np.array(context.robot.action_weights)
-
-    def weighed(flat: FlatMap, by: Adjoint) -> float:
-        return kernels.control(flat.action, gamma, by.action)
-
-    return weighed
+    return lambda flat, by: kernels.control(flat.action, gamma, by.action)
 
 
 CONTROL = CostTerm("control", control, None, control_kernel, preconditions=True)

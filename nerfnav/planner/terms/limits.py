@@ -3,8 +3,8 @@
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap, Motion
+from nerfnav.planner.terms.term import CostTerm, Kernel, TermContext
+from nerfnav.robots import Motion
 
 
 def limits(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
@@ -14,11 +14,7 @@ def limits(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
 
 def limits_kernel(_: TermContext, weight: float) -> Kernel:
     """Make the twin of the term: the flatness map's own, which keeps the derivative for its `backward`."""
-
-    def weighed(flat: FlatMap, _: Adjoint) -> float:
-        return flat.limits(weight)
-
-    return weighed
+    return lambda flat, _: flat.limits(weight)
 
 
 LIMITS = CostTerm("limits", limits, None, limits_kernel, preconditions=True)

@@ -1,14 +1,13 @@
 """Border term: the penalty that keeps the whole body in the field's box, see space/border.py; density beyond it is
 0."""
 
-import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.planner.kernels import terms as kernels
 from nerfnav.planner.space import border
-from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap, Motion
+from nerfnav.planner.terms.term import CostTerm, Kernel, TermContext
+from nerfnav.robots import Motion
 
 
 def outside(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
@@ -18,14 +17,10 @@ def outside(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
 
 def outside_kernel(context: TermContext, weight: float) -> Kernel:
     """Make the compiled twin of the term."""
-    box, reach = context.field.box, border.reach_of(context.body)
+    box = context.field.box
     lower, upper = (edge.double().cpu().numpy() for edge in (box.lower, box.upper))
-
-    def weighed(flat: FlatMap, by: Adjoint) -> float:
-        space: tuple[np.ndarray, ...] = (lower, upper, reach)
-        return kernels.outside(flat.position, flat.rotation, space, weight, by.position, by.rotation)
-
-    return weighed
+    space = (lower, upper, border.reach_of(context.body))
+    return lambda flat, by: kernels.outside(flat.position, flat.rotation, space, weight, by.position, by.rotation)
 
 
 OUTSIDE = CostTerm("outside", outside, None, outside_kernel, preconditions=True)
