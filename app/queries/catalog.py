@@ -62,8 +62,8 @@ def unregister(kind: type[Query[Any]]) -> None:
 
 
 def pending_queries(session: Session) -> tuple[Query[Any], ...]:
-    """List the queries without an answer, the most urgent first."""
+    """List the wanted queries whose answer is not kept, the most urgent first."""
     if session.place is None:
         return ()
     kinds = _WHILE_HELD if session.held and session.plan is not None else _KINDS
-    return tuple(query for kind in kinds for query in kind.pending(session))
+    return tuple(query for kind in kinds for query in kind.pending(session) if not query.is_answered(session))

@@ -7,12 +7,12 @@ import numpy as np
 import torch
 
 from nerfnav.field import Field, UnknownSpace, render_rays
-from nerfnav.planner import OccupancyConfig, OccupancyMap, fits, nearest_free_pose
+from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose
 from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End
-from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice, move_end
+from nerfnav_app.state.alignment import Ray, Vector
 from nerfnav_app.state.place import Click
 from nerfnav_app.state.session import Session
 
@@ -20,12 +20,10 @@ LEAST_OPACITY = 0.5
 """Opacity of a ray that meets a surface."""
 _ROOM_M = 0.05  # kept below the body
 
-Vector = tuple[float, float, float]
 
-
-def intersect_ray(field: Field, origin: Vector, direction: Vector) -> Vector | None:
-    """Find the point [m] at which a ray meets a surface; None without one. Its direction has any length."""
-    start, along = torch.tensor(origin), torch.nn.functional.normalize(torch.tensor(direction), dim=0)
+def intersect_ray(field: Field, ray: Ray) -> Vector | None:
+    """Find the point [m] at which a ray meets a surface; None without one."""
+    start, along = torch.tensor(ray.origin), torch.nn.functional.normalize(torch.tensor(ray.direction), dim=0)
     rendering = render_rays(field, start[None], along[None])
     if rendering.opacity.item() < LEAST_OPACITY:
         return None
@@ -49,29 +47,21 @@ class ClickLandingQuery(Query[Vector | None]):
 
     def answer(self, resources: Resources) -> Vector | None:
         """Find the position above the surface that the ray of the click meets, or beside it."""
-        place = resources.place
-        met = intersect_ray(place.field, self.click.origin, self.click.direction)
+        met = intersect_ray(resources.place.field, self.click.ray)
         if met is None:
             return None
+        place, body = prepare_place(resources.place, self.unknown), resources.place.robot.body
         # as high above it as the body and what it keeps clear of
-        above = met[0], met[1], met[2] + 0.5 * place.robot.body.extents[2] + _ROOM_M
-        return above if self._fits(resources, above) else self._before(resources, met) or above
-
-    def _before(self, resources: Resources, met: Vector) -> Vector | None:
-        """Find the nearest free point in front of a side, toward the eye of the click; None without one."""
-        place = prepare_place(resources.place, self.unknown)
-        towards = np.array(self.click.direction) / np.linalg.norm(self.click.direction)
-        x, y, z = (np.array(met) - (place.robot.body.radius + _ROOM_M) * towards).tolist()
-        nearest = nearest_free_pose(place.field, place.robot.body, End((x, y, z)).state(), self._map(place, z))
-        return None if nearest is None else End.of_state(nearest).position
-
-    def _fits(self, resources: Resources, at: Vector) -> bool:
-        place = prepare_place(resources.place, self.unknown)
-        threshold = self._map(place, at[2]).scales.threshold
-        return fits(place.field, place.robot.body, End(at).state(), threshold)
-
-    def _map(self, place: Place, height: float) -> OccupancyMap:
-        return build_occupancy(place, OccupancyConfig(), height)
+        above = met[0], met[1], met[2] + 0.5 * body.extents[2] + _ROOM_M
+        threshold = build_occupancy(place, OccupancyConfig(), above[2]).scales.threshold
+        if fits(place.field, body, End(above).state(), threshold):
+            return above
+        # the nearest free point in front of a side, toward the eye of the click
+        towards = np.array(self.click.ray.direction) / np.linalg.norm(self.click.ray.direction)
+        x, y, z = (np.array(met) - (body.radius + _ROOM_M) * towards).tolist()
+        occupancy = build_occupancy(place, OccupancyConfig(), z)
+        nearest = nearest_free_pose(place.field, body, End((x, y, z)).state(), occupancy)
+        return above if nearest is None else End.of_state(nearest).position
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """Move the end there, unless another click came."""

@@ -24,8 +24,8 @@ class DensitySliceQuery(Query[np.ndarray]):
     def pending(cls, session: Session) -> Iterator["DensitySliceQuery"]:
         """Ask at the height of the view settings."""
         share = session.view_settings.slice
-        if share is not None and not (query := cls(share)).is_answered(session):
-            yield query
+        if share is not None:
+            yield cls(share)
 
     def answer(self, resources: Resources) -> np.ndarray:
         """Compute the density at one height; denser is brighter and less transparent."""

@@ -18,9 +18,7 @@ class PlaceListQuery(Query[tuple[KeptPlace, ...]]):
     @classmethod
     def pending(cls, session: Session) -> Iterator["PlaceListQuery"]:
         """Ask again whenever a place was opened, renamed or deleted."""
-        query = cls((session.places_asked, int(session.job is None)))
-        if not query.is_answered(session):
-            yield query
+        yield cls((session.places_asked, int(session.job is None)))
 
     def answer(self, resources: Resources) -> tuple[KeptPlace, ...]:
         """Read the folder of the library."""

@@ -11,6 +11,7 @@ from typing import Any, Generic, Self, TypeVar
 
 from nerfnav.planner import PlannerConfig
 from nerfnav_app.places.place import Place
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.run_store import RunStore
 
@@ -46,7 +47,10 @@ class Query(ABC, Generic[Result]):
     @classmethod
     @abstractmethod
     def pending(cls, session: Session) -> Iterator["Query[Any]"]:
-        """List the queries of this kind without an answer in the session, the most urgent first."""
+        """List the queries of this kind that the session wants, the most urgent first.
+
+        Those whose answer is kept are left out by the catalog.
+        """
 
     @abstractmethod
     def answer(self, resources: Resources) -> Result:
@@ -72,3 +76,24 @@ class Query(ABC, Generic[Result]):
         """Return the kept result; None where there is none."""
         kept = session.results.get(cls if slot is None else slot)
         return None if kept is None else kept[1]
+
+
+@dataclass(frozen=True)
+class PlanQuery(Query[Result]):
+    """Query about a plan as far as it is computed; its kinds add no fields."""
+
+    plan: PlanRecord = field(compare=False)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare iterations as objects: `plan` is kept, so that no other one can take its address."""
+        return isinstance(other, PlanQuery) and type(other) is type(self) and self.plan.latest is other.plan.latest
+
+    def __hash__(self) -> int:
+        return hash((type(self), id(self.plan.latest)))
+
+    @classmethod
+    def result_for(cls: "type[PlanQuery[Result]]", plan: PlanRecord | None, session: Session) -> Result | None:
+        """Return the result, if it is that of this plan."""
+        asked = cls.asked_in(session)
+        known = plan is not None and asked is not None and asked.plan.latest is plan.latest
+        return cls.result_in(session) if known else None

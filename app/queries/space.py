@@ -51,8 +51,7 @@ class SpaceQuery(Query[SpaceVoxels]):
         wanted = {Space.OCCUPIED: session.view_settings.occupied, Space.UNKNOWN: session.view_settings.unknown}
         planar = session.place is not None and session.place.robot.planar
         height = session.ends.start.position[2] if planar else 0.0
-        queries = (cls(space, height if space is Space.OCCUPIED else 0.0) for space in Space if wanted[space])
-        yield from (query for query in queries if not query.is_answered(session))
+        yield from (cls(space, height if space is Space.OCCUPIED else 0.0) for space in Space if wanted[space])
 
     def answer(self, resources: Resources) -> SpaceVoxels:
         """Find the voxels with a neighbour outside of the part."""

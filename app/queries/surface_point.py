@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nerfnav_app.queries.click_landing import Vector, intersect_ray
+from nerfnav_app.queries.click_landing import intersect_ray
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice
-from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.alignment import Ray, Vector
 from nerfnav_app.state.session import Session
 
 
@@ -24,7 +24,7 @@ class SurfacePointQuery(Query[Vector | None]):
 
     def answer(self, resources: Resources) -> Vector | None:
         """Intersect the ray with the surface."""
-        return intersect_ray(resources.place.field, self.ray.origin, self.ray.direction)
+        return intersect_ray(resources.place.field, self.ray)
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """Add the point, unless another click came."""

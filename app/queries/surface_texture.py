@@ -45,6 +45,10 @@ class SurfaceTextureQuery(Query[Baking]):
             else:
                 yield replace(last, steps=last.steps + 1, baking=cls.result_in(session))
 
+    def is_answered(self, session: Session) -> bool:
+        """Return False: the kept result is that of an earlier step."""
+        return False
+
     def answer(self, resources: Resources) -> Baking:
         """Advance the texture by a step, or take the stored one."""
         from nerfnav_app.jobs.export.surface import shape_surface  # slow to import

@@ -14,7 +14,7 @@ from nerfnav_app.reducers.common import add_notice, enter_place, move_end, type_
 from nerfnav_app.reducers.jobs import begin_job, discard_results
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import alignment as p
-from nerfnav_app.state.alignment import Ray, Vector
+from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.place import Choice, Click
 from nerfnav_app.state.session import Session
@@ -54,8 +54,8 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
             return make_choice(session, place, choice)
         case m.AimEnd(which):
             return replace(session, aiming=which, alignment=replace(session.alignment, pointing=None))
-        case m.ClickScene(origin, direction):
-            return _point(session, origin, direction)
+        case m.ClickScene(ray):
+            return _point(session, ray)
         case CameraMoved(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
         case CameraRested(view):
@@ -66,13 +66,13 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
 
 def open_place(session: Session, what: str) -> Session:
     """Open another place, from which the session can go back to this one."""
-    session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
-    opening = Session(what, choice=session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
-    kept = {name: getattr(session, name) for name in ("experiments", "places_asked", "quality")}
-    opening = replace(opening, runs=session.runs.elsewhere(), **kept)
+    kept = {name: getattr(session, name) for name in ("choice", "notices", "experiments", "places_asked", "quality")}
     # a place that was never open is nothing to go back to
-    return replace(opening, before=session if session.place is not None else session.before)
+    before = replace(session, before=None) if session.place is not None else session.before
+    return Session(
+        what, job=job, jobs_begun=session.jobs_begun + 1, runs=session.runs.elsewhere(), before=before, **kept
+    )
 
 
 def make_choice(session: Session, place: Place, choice: Choice) -> Session:
@@ -100,14 +100,14 @@ def _choose_task(session: Session, place: Place, name: str) -> Session:
     )
 
 
-def _point(session: Session, origin: Vector, direction: Vector) -> Session:
+def _point(session: Session, ray: Ray) -> Session:
     """Point at the place with a click, which moves an end or measures."""
     if session.aiming is None:
         placing = session.alignment
         if placing.pointing is None:
             return session
-        return replace(session, alignment=replace(placing, clicked=Ray(origin, direction)))
-    return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
+        return replace(session, alignment=replace(placing, clicked=ray))
+    return replace(session, clicked=Click(session.aiming, ray), aiming=None)
 
 
 def command_alignment(session: Session, command: p.AlignmentAction) -> Session:

@@ -32,23 +32,19 @@ def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Sessi
         case Settings.PLAN:
             if "duration_s" in change:  # a typed duration replaces the found one
                 change = {"shortest": False, **change}
-            planning = _check(replace(session.plan_settings, **change))
+            planning = replace(session.plan_settings, **change)
+            planning.check()
             if planning.unknown is not session.plan_settings.unknown:  # which decides where the robot fits
                 session = replace(session, problems={}, offers={})
             return replace(session, plan_settings=planning)
         case Settings.WEIGHTS:
             weights = replace(session.plan_settings.weights, **change)
-            return replace(session, plan_settings=_check(replace(session.plan_settings, weights=weights)))
+            return _with(session, Settings.PLAN, {"weights": weights})
         case Settings.FLIGHT:
             flying = replace(session.flight_settings, **change)
             # the pace counts for the flight under way too
             job = None if session.job is None else replace(session.job, pace=flying.pace)
             return replace(session, flight_settings=flying, job=job)
-
-
-def _check(settings: PlanSettings) -> PlanSettings:
-    settings.check()
-    return settings
 
 
 def reset_settings(session: Session, place: Place) -> Session:

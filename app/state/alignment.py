@@ -23,7 +23,7 @@ class PickTarget(Enum):
 
 @dataclass(frozen=True)
 class Ray:
-    """A click into the scene."""
+    """Ray of a click into the scene."""
 
     origin: Vector
     """[m]"""

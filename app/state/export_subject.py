@@ -15,10 +15,8 @@ def name_subject(session: Session) -> str | None:
 
 def find_outcome(session: Session) -> PlanOutcome | EpisodeOutcome | None:
     """Look up the outcome of the subject; None while it goes on, or without a subject."""
-    name = name_subject(session)
-    if name == "flight" and session.flight is not None:
-        return session.flight.outcome
-    return session.plan.outcome if name == "plan" and session.plan is not None else None
+    subject = session.flight if name_subject(session) == "flight" else session.plan
+    return None if subject is None else subject.outcome
 
 
 def make_recording(session: Session) -> Recording | None:

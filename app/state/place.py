@@ -10,7 +10,7 @@ from nerfnav.robots import RobotFile
 from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import USUAL, QualityName
-from nerfnav_app.state.alignment import AlignmentDraft, Vector
+from nerfnav_app.state.alignment import AlignmentDraft, Ray
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,7 @@ class AimEnd:
 class ClickScene:
     """Report a click into the scene."""
 
-    origin: Vector
-    """Origin of the click's ray [m]."""
-    direction: Vector
-    """Direction of the ray, of any length."""
+    ray: Ray
 
 
 @dataclass(frozen=True)
@@ -109,10 +106,7 @@ class Click:
 
     which: EndRole
     """The end that it places."""
-    origin: Vector
-    """Origin of the click's ray [m]."""
-    direction: Vector
-    """Direction of the ray, of any length."""
+    ray: Ray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,24 +28,20 @@ class EditRobot:
 
     def of(self, draft: RobotFile | None) -> RobotFile:
         """Apply the edit to the draft, or to the chosen robot without a draft."""
-        robot = self.chosen if draft is None else draft
+        robot, change = self.chosen if draft is None else draft, {self.name: self.value}
         if self.part == "limits":
-            return msgspec.structs.replace(robot, limits={**robot.limits, self.name: self.value})
+            return msgspec.structs.replace(robot, limits=robot.limits | change)
         if self.part == "kind":
             moved = {name: getattr(self.value, name) for name in ("kind", "mass", "inertia", "limits")}
             return msgspec.structs.replace(robot, **moved)
-        if self.part == "camera":
+        if self.part in ("camera", "position"):
             assert robot.camera is not None, "only existing numbers are edited"
-            camera = msgspec.structs.replace(robot.camera, **{self.name: self.value})
-            return msgspec.structs.replace(robot, camera=camera)
+            at = {"position": self._along(robot.camera.position)} if self.part == "position" else change
+            return msgspec.structs.replace(robot, camera=msgspec.structs.replace(robot.camera, **at))
         if self.part == "inertia":
             assert robot.inertia is not None, "only existing numbers are edited"
             return msgspec.structs.replace(robot, inertia=self._along(robot.inertia))
-        if self.part == "position":
-            assert robot.camera is not None, "only existing numbers are edited"
-            at = self._along(robot.camera.position)
-            return msgspec.structs.replace(robot, camera=msgspec.structs.replace(robot.camera, position=at))
-        return msgspec.structs.replace(robot, **{self.name: self.value})
+        return msgspec.structs.replace(robot, **change)
 
     def _along(self, before: tuple[float, float, float]) -> tuple[float, ...]:
         """Replace the number of the edited axis."""

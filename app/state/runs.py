@@ -163,13 +163,11 @@ class Runs:
 
     def wanting(self, name: str, compare: bool = False) -> "Runs":
         """Add a request for a run."""
-        request = RunRequest(self.asked, name, compare)
-        return replace(self, wanted=(*self.wanted, request), asked=self.asked + 1)
+        return replace(self, wanted=(*self.wanted, RunRequest(self.asked, name, compare)), asked=self.asked + 1)
 
     def changing(self, name: str, to: str | None) -> "Runs":
         """Add a change of a run."""
-        change = RunChange(self.asked, name, to)
-        return replace(self, changes=(*self.changes, change), asked=self.asked + 1)
+        return replace(self, changes=(*self.changes, RunChange(self.asked, name, to)), asked=self.asked + 1)
 
     def elsewhere(self) -> "Runs":
         """Close the shown runs: another place is being opened."""

@@ -146,14 +146,12 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
     @property
     def fresh_plan(self) -> PlanRecord | None:
         """The plan, if it is finished, safe and up to date."""
-        plan = self.plan
-        return plan if plan is not None and plan.is_good and not self.plan_is_stale else None
+        return self.plan if self.plan is not None and self.plan.is_good and not self.plan_is_stale else None
 
     @property
     def unsafe_plan(self) -> PlanRecord | None:
         """The plan, if it is up to date and not to be flown."""
-        plan = self.plan
-        return plan if plan is not None and plan.is_unsafe and not self.plan_is_stale else None
+        return self.plan if self.plan is not None and self.plan.is_unsafe and not self.plan_is_stale else None
 
     @property
     def plan_follows_hand(self) -> bool:

@@ -8,7 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from nerfnav_app.places.vantage import View
+import numpy as np
+from numpy.typing import ArrayLike
+
+from nerfnav_app.places.vantage import Point, View
 
 
 class Backdrop(Enum):
@@ -67,7 +70,7 @@ class ViewSettings:
 class Eye:
     """Camera of a tab in the page's scene."""
 
-    position: tuple[float, float, float]
+    position: Point
     """In the world [m]."""
     wxyz: tuple[float, float, float, float]
     """Attitude of the camera in the world: x right, y down, z forward."""
@@ -80,6 +83,12 @@ class Eye:
     def is_sound(self) -> bool:
         """True where a picture can be rendered for it: a page that is folded away is a line without height."""
         return 0.01 < self.fov < 3.1 and 0.05 < self.aspect < 20
+
+
+def to_point(numbers: ArrayLike) -> Point:
+    """Convert three coordinates, as a browser sends them."""
+    x, y, z = np.asarray(numbers, dtype=np.float64).tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True)

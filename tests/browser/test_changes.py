@@ -95,7 +95,7 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
 
     def rows() -> np.ndarray | None:
         session = app.session
-        return ClearanceQuery.rows_of(session.plan, session)
+        return ClearanceQuery.result_for(session.plan, session)
 
     tab.press("status.next.start_plan")
     tab.until_planned()

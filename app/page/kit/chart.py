@@ -30,13 +30,14 @@ class Chart:
         """Add it to the panel; `across` and `lines` name the axes with units, `lines` with colours."""
         start = np.array([0.0, 1.0])
         quiet, grid = uplot.Axis_Ticks(show=False), uplot.Axis_Grid(stroke=css(STALE), width=0.3)
-        series = [uplot.Series(label=across)]
-        series += [uplot.Series(label=line.meaning, stroke=css(line.color), width=1.75) for line in lines]
-        series.append(uplot.Series(label="shown", stroke=_CURSOR, width=1.0))
         scales = {"x": uplot.Scale(time=False)} | ({"y": uplot.Scale(distr=3)} if logarithmic else {})
         self._chart = server.gui.add_uplot(
             (start, *(start + 1e-3 for _ in lines), start + 1e-3),
-            tuple(series),
+            (
+                uplot.Series(label=across),
+                *(uplot.Series(label=line.meaning, stroke=css(line.color), width=1.75) for line in lines),
+                uplot.Series(label="shown", stroke=_CURSOR, width=1.0),
+            ),
             scales=scales,
             axes=(uplot.Axis(size=26, ticks=quiet, grid=grid), uplot.Axis(size=44, ticks=quiet, grid=grid)),
             legend=uplot.Legend(show=False),

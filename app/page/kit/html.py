@@ -60,16 +60,19 @@ def _tooltip(text: str = "") -> str:
 
 def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Format rows of a name and several values under a head of as many columns."""
-    cells = "".join(f'<div style="text-align: right; font-weight: 600">{escape(name)}</div>' for name in head[1:])
-    cells = f'<div style="color: {MUTED}">{escape(head[0])}</div>{cells}'
-    for name, *values in rows:
-        cells += f'<div style="color: {MUTED}">{escape(name)}</div>'
-        cells += "".join(
+    titles = "".join(f'<div style="text-align: right; font-weight: 600">{escape(name)}</div>' for name in head[1:])
+    cells = "".join(
+        f'<div style="color: {MUTED}">{escape(name)}</div>'
+        + "".join(
             f'<div style="text-align: right; font-variant-numeric: tabular-nums">{escape(value)}</div>'
             for value in values
         )
-    grid = " ".join("auto" for _ in head)
-    return f'<div style="{_PADDING} display: grid; grid-template-columns: {grid}; gap: 0.05em 1em">{cells}</div>'
+        for name, *values in rows
+    )
+    return (
+        f'<div style="{_PADDING} display: grid; grid-template-columns: {" ".join("auto" for _ in head)}; '
+        f'gap: 0.05em 1em"><div style="color: {MUTED}">{escape(head[0])}</div>{titles}{cells}</div>'
+    )
 
 
 def scale(low: float, high: float, of: str) -> str:

@@ -1,4 +1,4 @@
-"""Widgets that several panels use: a binder, a choice list, a dialog.
+"""Widgets that several panels use: posts of commands, a binder, a choice list, a dialog.
 
 A binder turns a widget's value into a command that changes one number of the settings. A choice list selects a robot,
 a planner or an estimator. The dialog confirms a deletion.
@@ -18,6 +18,24 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.text import capital
 
 
+def post_on(
+    listen: Callable[[Callable[[Any], Any]], Any],
+    post: Callable[[Command], None],
+    make: Callable[[], Command | None],
+) -> None:
+    """Post the command that `make` builds, if any, whenever a user clicks or changes a widget.
+
+    `listen` is the widget's `on_click`, `on_update` or `on_trigger`; changes by the session itself post nothing.
+    """
+
+    async def take(event: Any) -> None:
+        command = None if event.client is None else make()
+        if command is not None:
+            post(command)
+
+    listen(take)
+
+
 class Binder:
     """Binder of widgets to one kind of settings."""
 
@@ -27,12 +45,7 @@ class Binder:
 
     def __call__(self, widget: Any, name: str, read: Callable[[Any], Any]) -> None:
         """Let `widget` set the field `name`; `read` converts the widget's value to that of the field."""
-
-        async def take(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None:  # else the session wrote it
-                self._post(Adjust(self._settings, name, read(widget.value)))
-
-        widget.on_update(take)
+        post_on(widget.on_update, self._post, lambda: Adjust(self._settings, name, read(widget.value)))
 
 
 _LABELS = {
@@ -58,7 +71,7 @@ class ChoiceList:
         self, server: viser.ViserServer, field: str, names: Iterable[str], hint: str, post: Callable[[Command], None]
     ) -> None:
         """Add the dropdown of the field `field`, whose values are `names`; `post` takes the commands."""
-        self._field, self._post = field, post
+        self._field = field
         self._session: Session | None = None
         labels = _LABELS.get(field, {})
         self._names = {labels.get(name) or format_name(name): name for name in names}
@@ -66,11 +79,12 @@ class ChoiceList:
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             capital(field), list[str](self._names), hint=hint
         )
-        self._list.on_update(self._take)
+        post_on(self._list.on_update, post, self._chosen)
 
-    async def _take(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._session is not None:
-            self._post(Choose(replace(self._session.choice, **{self._field: self._names[str(self._list.value)]})))
+    def _chosen(self) -> Choose | None:
+        if self._session is None:
+            return None
+        return Choose(replace(self._session.choice, **{self._field: self._names[str(self._list.value)]}))
 
     def show(self, session: Session) -> None:
         """Show the selected name."""

@@ -33,10 +33,9 @@ class CameraModesLayer:
             return
         flight = session.shown_flight
         state = flight.steps[-1].truth if flight is not None and flight.steps else session.ends.start.state()
-        if state is self._shown and not changed:
+        # the view from above does not go with the robot, and may be turned by hand
+        if not changed and (state is self._shown or mode is CameraMode.TOP):
             return
-        if mode is CameraMode.TOP and not changed:
-            return  # it does not go with the robot, and may be turned by hand
         self._shown = state if flight is not None and flight.steps else None
         eye, target = compute_view(mode, state, place.robot, box)
         for client in self._server.get_clients().values():

@@ -1,18 +1,14 @@
 """Compared flight: path, robot and plan of a second flight at the same time after take-off."""
 
-import numpy as np
 import viser
 
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
 from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
-from nerfnav_app.page.layers.nodes import Bodies, Line, positions, quaternions
-from nerfnav_app.page.layers.shapes import body_shape, robot_shape
+from nerfnav_app.page.layers.nodes import Bodies, Line, positions
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.runs import StoredFlight
 from nerfnav_app.state.session import Session
-
-_NO_BODY = np.zeros((0, 3)), np.zeros((0, 4))
 
 
 class ComparisonLayer:
@@ -22,7 +18,7 @@ class ComparisonLayer:
         self._server = server
         self._truth = Line(server, "/compared/truth", OTHER_TRUTH, 0.012)
         self._plan = Line(server, "/compared/plan", OTHER_PLAN, 0.009)
-        self._robot = Bodies(server, "/compared/robot", robot_shape((0.1, 0.1, 0.04)), OTHER_TRUTH, opacity=0.8)
+        self._robot = Bodies(server, "/compared/robot", OTHER_TRUTH, opacity=0.8)
         self._shown: tuple[StoredFlight | None, int] | None = None
 
     def show(self, session: Session) -> None:
@@ -34,14 +30,12 @@ class ComparisonLayer:
             return
         self._shown = shown
         with self._server.atomic():
-            if session.place is not None:
-                self._robot.shape(body_shape(session.place.robot.body))
+            self._robot.embody(session)
             path = positions(RigidState.stack([step.truth for step in steps])) if len(steps) > 1 else None
             self._truth.show(path)
             under_way = compared is not None and 0 < len(steps) < len(compared.record.steps)
             self._plan.show(positions(steps[-1].plan.states) if steps and under_way else None)
-            last = RigidState.stack([step.truth for step in steps[-1:]]) if steps else None
-            self._robot.show(*((positions(last), quaternions(last)) if last is not None else _NO_BODY))
+            self._robot.show_states(RigidState.stack([steps[-1].truth]) if steps else None)
 
 
 def steps_until(compared: StoredFlight | None, shown: FlightRecord | None) -> tuple[NavigationStep, ...]:

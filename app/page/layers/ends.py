@@ -2,18 +2,20 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import viser
+import viser.transforms as tf
 
 from nerfnav.robots import Robot
 from nerfnav_app.page.kit.theme import GOAL, HIT, START
-from nerfnav_app.page.layers.nodes import Fan, drops, yaw_quaternion
+from nerfnav_app.page.layers.nodes import Fan, drops
 from nerfnav_app.page.layers.shapes import body_shape
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.state.actions import ClickScene, Command, MoveEnd
+from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import to_point
 
 GIZMO = 0.24
 """Size of the arrows in places of the paper's scale [m]."""
@@ -32,7 +34,7 @@ class EndsLayer:
 
         @server.scene.on_click()
         def _(event: viser.SceneClickEvent) -> None:
-            post(ClickScene(_vector(event.ray_origin), _vector(event.ray_direction)))
+            post(ClickScene(Ray(to_point(event.ray_origin), to_point(event.ray_direction))))
 
     def show(self, session: Session) -> None:
         """Move the gizmos to start and goal."""
@@ -121,7 +123,7 @@ class _Handle:
     async def _moved(self, event: viser.TransformControlsEvent) -> None:
         """Runs on the server's event loop, so that moves keep their order."""
         self._dragged = event.phase != "end"
-        self._post(MoveEnd(self._which, End(_vector(event.target.position), self._end.yaw), held=self._dragged))
+        self._post(MoveEnd(self._which, End(to_point(event.target.position), self._end.yaw), held=self._dragged))
 
     def show(self, end: End, blocked: bool) -> None:
         """Move it to `end`, unless a user drags it: the hand is ahead of the session."""
@@ -131,11 +133,6 @@ class _Handle:
             self._gizmo.position = end.position
         if self._yaw != end.yaw:
             self._yaw = end.yaw
-            self._body.wxyz = yaw_quaternion(end.yaw)
+            self._body.wxyz = tf.SO3.from_z_radians(end.yaw).wxyz
         self._body.color = HIT if blocked else _COLORS[self._which]
         self._label.text = f"{self._which.value}: no room" if blocked else self._which.value
-
-
-def _vector(numbers: Any) -> tuple[float, float, float]:
-    x, y, z = np.asarray(numbers, dtype=np.float64).tolist()
-    return x, y, z

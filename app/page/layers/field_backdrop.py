@@ -9,7 +9,7 @@ from nerfnav_app.page.kit.theme import night
 from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import Backdrop, CameraMoved, Eye, TabClosed
+from nerfnav_app.state.view import Backdrop, CameraMoved, Eye, TabClosed, to_point
 
 
 class FieldBackdropLayer:
@@ -55,6 +55,5 @@ class FieldBackdropLayer:
 
 def eye_of(camera: viser.CameraHandle) -> Eye:
     """Convert the camera of a tab."""
-    x, y, z = np.asarray(camera.position, np.float64).tolist()
     qw, qx, qy, qz = np.asarray(camera.wxyz, np.float64).tolist()
-    return Eye((x, y, z), (qw, qx, qy, qz), float(camera.fov), float(camera.aspect))
+    return Eye(to_point(camera.position), (qw, qx, qy, qz), float(camera.fov), float(camera.aspect))

@@ -10,7 +10,7 @@ import viser
 
 from nerfnav_app.places.surface_glb import Corner, clip_and_fade, read_box
 from nerfnav_app.places.vantage import View, view_of_box
-from nerfnav_app.state.view import Backdrop, ViewSettings
+from nerfnav_app.state.view import Backdrop, ViewSettings, to_point
 
 if TYPE_CHECKING:
     from nerfnav_app.state.session import Session
@@ -71,20 +71,11 @@ class FieldSurfaceLayer:
 
 def first_view(box: tuple[Corner, Corner]) -> View:
     """Compute the view of all of a box between two corners [m]."""
-    return view_of_box(_point(box[0]), _point(box[1]))
-
-
-def _point(corner: Corner) -> tuple[float, float, float]:
-    x, y, z = corner
-    return x, y, z
+    return view_of_box(*map(to_point, box))
 
 
 def look(server: viser.ViserServer, view: View) -> None:
     """Set the camera of all tabs, and of those that open later."""
-    eye, target = view
-    server.initial_camera.position = eye
-    server.initial_camera.look_at = target
-    server.initial_camera.fov = float(np.deg2rad(45))
-    for client in server.get_clients().values():
-        client.camera.position, client.camera.look_at = eye, target
-        client.camera.fov = float(np.deg2rad(45))
+    for camera in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
+        camera.position, camera.look_at = view
+        camera.fov = float(np.deg2rad(45))

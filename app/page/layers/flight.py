@@ -5,10 +5,10 @@ import viser
 
 from nerfnav.estimator import Belief
 from nerfnav.navigation import NavigationStep
-from nerfnav.robots import RigidState, Robot
+from nerfnav.robots import RigidState
 from nerfnav_app.page.kit.theme import BELIEF, HIT, PLAN, TRUTH
-from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
-from nerfnav_app.page.layers.shapes import ball, body_shape, cone, ellipsoids, robot_shape
+from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions
+from nerfnav_app.page.layers.shapes import ball, cone, ellipsoids
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import number
@@ -28,17 +28,15 @@ class FlightLayer:
         self._plan = Line(server, "/flight/plan", PLAN, 0.013, through=True)
         self._past = Trail(server, "/flight/plans", PLAN, 0.006)
         unit = ball()
-        self._covariance = Bodies(server, "/flight/covariance", unit, BELIEF, opacity=0.3)
-        self._lost = Bodies(server, "/flight/lost", unit, BELIEF, opacity=_FAINT)
+        self._covariance = Bodies(server, "/flight/covariance", BELIEF, 0.3, unit)
+        self._lost = Bodies(server, "/flight/lost", BELIEF, _FAINT, unit)
         self._size_label = server.scene.add_label("/flight/lost/label", "", visible=False, anchor="bottom-center")
-        self._means = Bodies(server, "/flight/means", unit, BELIEF, opacity=None)
+        self._means = Bodies(server, "/flight/means", BELIEF, None, unit)
         self._nose = Fan(server, "/flight/attitude", BELIEF, 0.004)
-        self._hits = Bodies(server, "/flight/hits", unit, HIT, opacity=0.9)
+        self._hits = Bodies(server, "/flight/hits", HIT, 0.9, unit)
         self._gusts = Fan(server, "/flight/gusts", HIT, 0.008)
-        shape = robot_shape((0.1, 0.1, 0.04))
-        self._robot = Bodies(server, "/flight/robot", shape, TRUTH, opacity=None)
-        self._ghost = Bodies(server, "/flight/ghost", shape, BELIEF, opacity=0.5)
-        self._shaped: Robot | None = None
+        self._robot = Bodies(server, "/flight/robot", TRUTH, opacity=None)
+        self._ghost = Bodies(server, "/flight/ghost", BELIEF, opacity=0.5)
         self._shown: tuple[FlightRecord | None, float] | None = None
 
     def show(self, session: Session) -> None:
@@ -47,30 +45,27 @@ class FlightLayer:
         if self._shown is not None and self._shown[0] is flight and self._shown[1] == scale:
             return
         self._shown = flight, scale
-        if session.place is not None and self._shaped is not session.place.robot:
-            self._shaped = session.place.robot
-            shape = body_shape(self._shaped.body)
-            with self._server.atomic():
-                for bodies in (self._robot, self._ghost):
-                    bodies.shape(shape)
+        size = float(session.place.field.box.size.max()) if session.place is not None else np.inf
         steps = flight.steps if flight is not None else ()
         under_way = flight is not None and bool(steps) and flight.outcome is None
         with self._server.atomic():
+            self._robot.embody(session)
+            self._ghost.embody(session)
             true, believed = _centers([step.truth for step in steps]), _centers([step.belief.mean for step in steps])
             self._truth.show(true)
             self._belief.show(believed)
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
             self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
-            self._show_covariances([step.belief for step in steps], scale, _size(session))
+            self._show_covariances([step.belief for step in steps], scale, size)
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots: the line of a good estimate lies within the line of the truth
             self._means.show(*_balls(believed, radius=0.014))
             self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
             self._hits.show(*_balls(true[[step.touched for step in steps]], radius=0.025))
-            self._robot.show(*_placed(steps[-1].truth if steps else None))
-            guess = flight.guess if flight is not None else None
-            self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))
+            self._robot.show_states(RigidState.stack([steps[-1].truth]) if steps else None)
+            guess = (flight.guess if flight is not None else None) or (steps[-1].belief.mean if steps else None)
+            self._ghost.show_states(None if guess is None else RigidState.stack([guess]))
 
     def _show_covariances(self, beliefs: list[Belief], scale: float, size: float) -> None:
         """Draw the 95 % regions; of those too large for a place of `size` [m] the last alone, with its half axis."""
@@ -83,11 +78,6 @@ class FlightLayer:
         if self._size_label.visible:
             self._size_label.text = f"position ± {number(half[-1].max(), 'm', digits=2)}"
             self._size_label.position = tuple(centers[-1].tolist())
-
-
-def _size(session: Session) -> float:
-    """Longest edge of the place [m]."""
-    return float(session.place.field.box.size.max()) if session.place is not None else np.inf
 
 
 def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndarray | None:
@@ -113,10 +103,3 @@ def _centers(states: list[RigidState]) -> np.ndarray:
 
 def _balls(at: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return at, np.tile([1.0, 0, 0, 0], (len(at), 1)), np.full_like(at, radius)
-
-
-def _placed(state: RigidState | None) -> tuple[np.ndarray, np.ndarray]:
-    if state is None:
-        return np.zeros((0, 3)), np.zeros((0, 4))
-    one = RigidState.stack([state])
-    return positions(one), quaternions(one)

@@ -9,7 +9,6 @@ from nerfnav.geometry import Pose
 from nerfnav.geometry.so3 import quaternion_from_matrix
 from nerfnav_app.page.kit.theme import CANDIDATE
 from nerfnav_app.page.layers.nodes import Bodies, Fan
-from nerfnav_app.page.layers.shapes import body_shape, robot_shape
 from nerfnav_app.state.flight import LocalizationRecord
 from nerfnav_app.state.session import Session
 
@@ -20,7 +19,6 @@ _DEPTH = 0.15  # of a drawn frustum [m]
 _CORNERS = torch.tensor([[x, y, -1.0] for x, y in ((1, 1), (1, -1), (-1, -1), (-1, 1))])  # at 90 degrees
 _LEAST_LIKELY = 0.01  # of what has a label
 _ABOVE = 0.06  # a label over its body [m]
-_NO_BODY = np.zeros((0, 3)), np.zeros((0, 4))
 
 
 class GlobalLocalizationLayer:
@@ -28,7 +26,7 @@ class GlobalLocalizationLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._ghosts = Bodies(server, "/search/ghosts", robot_shape((0.1, 0.1, 0.04)), CANDIDATE, opacity=0.45)
+        self._ghosts = Bodies(server, "/search/ghosts", CANDIDATE, opacity=0.45)
         self._frusta = Fan(server, "/search/frusta", CANDIDATE, 0.004)
         self._labels = [
             server.scene.add_label(f"/search/label/{index}", "", visible=False, anchor="bottom-center")
@@ -45,13 +43,12 @@ class GlobalLocalizationLayer:
             return
         self._shown = search
         with self._server.atomic():
-            if session.place is not None:
-                self._ghosts.shape(body_shape(session.place.robot.body))
+            self._ghosts.embody(session)
             self._draw(search)
 
     def _draw(self, search: LocalizationRecord | None) -> None:
         if search is None:
-            self._ghosts.show(*_NO_BODY)
+            self._ghosts.show_states(None)
             self._frusta.show(None)
         else:
             step = search.step

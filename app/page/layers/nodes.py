@@ -4,9 +4,10 @@ import numpy as np
 import viser
 import viser.transforms as tf
 
-from nerfnav.robots import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot
 from nerfnav_app.page.kit.theme import Rgb, linear
-from nerfnav_app.page.layers.shapes import Shape
+from nerfnav_app.page.layers.shapes import Shape, body_shape, robot_shape
+from nerfnav_app.state.session import Session
 
 THROUGH = "/through"
 """Suffix of nodes that page.js draws over everything, faintly."""
@@ -21,11 +22,6 @@ def positions(states: RigidState) -> np.ndarray:
 def quaternions(states: RigidState) -> np.ndarray:
     """Convert the attitudes of a sequence of states to (w, x, y, z), (n, 4)."""
     return tf.SO3.from_matrix(states.rotation.detach().double().numpy()).wxyz.astype(np.float32)
-
-
-def yaw_quaternion(yaw: float) -> np.ndarray:
-    """Convert a heading [rad] to (w, x, y, z)."""
-    return tf.SO3.from_z_radians(yaw).wxyz
 
 
 def segments(points: np.ndarray) -> np.ndarray:
@@ -90,29 +86,27 @@ class Trail:
 
     def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
         """Add it with a thickness [m]."""
-        self._color = color
-        self._node = server.scene.add_line_segments(
-            name, _PLACEHOLDER, np.zeros((1, 2, 3), np.uint8), thickness=thickness, visible=False
-        )
+        self._color, self._fan = np.array(color), Fan(server, name, None, thickness)
 
     def show(self, motions: tuple[Motion, ...]) -> None:
         """Draw the lines of `motions`, oldest first."""
-        if motions:
-            lines = [segments(positions(motion.states)) for motion in motions]
-            shares = [0.15 + 0.45 * (index + 1) / len(lines) for index in range(len(lines))]
-            colors = [
-                np.broadcast_to(linear(share * np.array(self._color)), line.shape)
-                for share, line in zip(shares, lines, strict=True)
-            ]
-            self._node.points = np.concatenate(lines)
-            self._node.colors = np.concatenate(colors)
-        self._node.visible = bool(motions)
+        lines = [segments(positions(motion.states)) for motion in motions]
+        colors = [
+            np.tile((0.15 + 0.45 * (index + 1) / len(lines)) * self._color, (len(line), 1))
+            for index, line in enumerate(lines)
+        ]
+        self._fan.show(np.concatenate(lines) if lines else None, np.concatenate(colors) if lines else None)
 
 
 class Bodies:
     """Bodies of one shape, such as those along a plan."""
 
-    def __init__(self, server: viser.ViserServer, name: str, shape: Shape, color: Rgb, opacity: float | None) -> None:
+    def __init__(
+        self, server: viser.ViserServer, name: str, color: Rgb, opacity: float | None, shape: Shape | None = None
+    ) -> None:
+        """Add them, in the shape of a robot of unknown size where there is no `shape`."""
+        self._robot: Robot | None = None
+        shape = shape or robot_shape((0.1, 0.1, 0.04))
         self._node = server.scene.add_batched_meshes_simple(
             name,
             shape.vertices,
@@ -128,14 +122,23 @@ class Bodies:
             visible=False,
         )
 
-    def shape(self, shape: Shape) -> None:
-        """Draw bodies of another shape from now on."""
-        self._node.vertices = shape.vertices
-        self._node.faces = shape.faces
+    def embody(self, session: Session) -> None:
+        """Draw the body of the place's robot from now on, inside a block of `server.atomic`."""
+        if session.place is not None and session.place.robot is not self._robot:
+            self._robot = session.place.robot
+            shape = body_shape(self._robot.body)
+            self._node.vertices, self._node.faces = shape.vertices, shape.faces
 
     def paint(self, color: Rgb) -> None:
         """Draw bodies in another colour from now on."""
         self._node.batched_colors = np.array(color, dtype=np.uint8)
+
+    def show_states(self, states: RigidState | None) -> None:
+        """Draw a body in each of a sequence of states, or none."""
+        if states is None:
+            self.show(np.zeros((0, 3)), np.zeros((0, 4)))
+        else:
+            self.show(positions(states), quaternions(states))
 
     def show(self, centers: np.ndarray, wxyzs: np.ndarray, scales: np.ndarray | None = None) -> None:
         """Draw a body at each of `centers` (n, 3) [m], or none where n is 0; `scales` (n, 3) are along its axes."""

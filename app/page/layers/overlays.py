@@ -17,7 +17,6 @@ _TRUTH_OPACITY = 0.35
 _COLORS = {Space.OCCUPIED: HIT, Space.UNKNOWN: STALE}
 _NO_POINT = np.zeros((1, 3), np.float32)
 _DOT = 0.3  # edge of a square, as a share of its voxel's: the gaps show what is behind
-_FLAT = (1.0, 0.0, 0.0, 0.0)
 
 
 class OverlaysLayer:
@@ -103,5 +102,4 @@ class _Slice:
             self._node.render_width, self._node.render_height = width, depth
             x, y, _ = box.center.tolist()
             self._node.position = (x, y, box.lower[2].item() + query.share * height)
-            self._node.wxyz = _FLAT
         self._node.visible = wanted and image is not None

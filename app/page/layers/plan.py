@@ -6,11 +6,10 @@ import numpy as np
 import viser
 
 from nerfnav.planner import FLYABLE, PLANNERS, PlanOutcome
-from nerfnav.robots import Motion, Robot
+from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
-from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
-from nerfnav_app.page.layers.shapes import body_shape, robot_shape
+from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, segments
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.state.plan import NO_TRAJECTORY, PlanRecord
 from nerfnav_app.state.session import Session
@@ -27,10 +26,9 @@ class PlanLayer:
         self._clearances = Fan(server, "/plan/room", None, 1.2 * _THICKNESS)
         self._drops = Fan(server, "/plan/drops", STALE, 0.2 * _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
-        self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
+        self._bodies = Bodies(server, "/plan/bodies", PLAN, opacity=0.35)
         self._comparison = {name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()}
         self._compared: tuple[PlannerResult, ...] = ()
-        self._robot: Robot | None = None
         self._floor = 0.0
         self._plan: PlanRecord | None = None
         self._clearance: np.ndarray | None = None
@@ -40,24 +38,15 @@ class PlanLayer:
         """Draw the plan as `choose_plan_style` says."""
         self._compare(session.comparison)
         plan, shown = session.plan, (choose_plan_style(session), session.job is not None or session.held)
-        clearance = ClearanceQuery.rows_of(plan, session) if session.view_settings.clearance else None
+        clearance = ClearanceQuery.result_for(plan, session) if session.view_settings.clearance else None
         if plan is self._plan and shown == self._shown and clearance is self._clearance:
             return
         self._plan, self._shown, self._clearance = plan, shown, clearance
-        self._stand_in(session)
+        if session.place is not None:
+            self._floor = float(session.place.field.box.lower[2])
         with self._server.atomic():
+            self._bodies.embody(session)
             self._draw(plan if shown[0] is not PlanStyle.HIDDEN else None, *shown)
-
-    def _stand_in(self, session: Session) -> None:
-        """Adopt the body of the place's robot, and the floor."""
-        place = session.place
-        if place is None:
-            return
-        self._floor = float(place.field.box.lower[2])
-        if self._robot is not place.robot:
-            self._robot = place.robot
-            with self._server.atomic():
-                self._bodies.shape(body_shape(self._robot.body))
 
     def _draw(self, plan: PlanRecord | None, style: "PlanStyle", busy: bool) -> None:
         """Draw the plan; the bodies along it once it no longer changes."""
@@ -70,10 +59,10 @@ class PlanLayer:
         self._drops.show(None if motion is None else drops(positions(motion.states)[::2], self._floor))
         self._trail.show(_beside(plan, moving) if plan is not None and style is PlanStyle.WANTED else ())
         if motion is None or moving or style is PlanStyle.STALE:
-            self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
+            self._bodies.show_states(None)
         else:
             self._bodies.paint(_COLORS[style])
-            self._bodies.show(positions(motion.states), quaternions(motion.states))
+            self._bodies.show_states(motion.states)
 
     def _show_clearance(self, motion: Motion | None) -> None:
         """Colour the line by its clearance, where that is selected and known."""

@@ -25,7 +25,7 @@ class TrackLayer:
         self._server = server
         # the second one is drawn, faintly, over what hides the first
         self._paths = [Fan(server, f"/track/path{ending}", BELIEF, 0.01) for ending in ("", THROUGH)]
-        self._regions = Bodies(server, "/track/covariance", ball(), BELIEF, opacity=0.3)
+        self._regions = Bodies(server, "/track/covariance", BELIEF, 0.3, ball())
         self._camera = Fan(server, "/track/camera", BELIEF, 0.008)
         self._shown: tuple[TrackRecord | None, float] = None, 0.0
 

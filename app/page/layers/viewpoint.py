@@ -3,13 +3,12 @@
 import asyncio
 from collections.abc import Callable
 
-import numpy as np
 import viser
 
-from nerfnav_app.places.vantage import Point, View
+from nerfnav_app.places.vantage import View
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import CameraMode, CameraRested
+from nerfnav_app.state.view import CameraMode, CameraRested, to_point
 
 _REST_S = 0.5
 """Time without a move after which a camera rests: not every frame of a turn is reported."""
@@ -44,9 +43,4 @@ class ViewpointLayer:
 
 def view_of(camera: viser.CameraHandle) -> View:
     """Read eye and target of a tab's camera [m]."""
-    return _point(camera.position), _point(camera.look_at)
-
-
-def _point(numbers: np.ndarray) -> Point:
-    x, y, z = np.asarray(numbers, np.float64).tolist()
-    return x, y, z
+    return to_point(camera.position), to_point(camera.look_at)

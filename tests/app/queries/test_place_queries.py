@@ -20,7 +20,9 @@ from nerfnav_app.queries.end_fit import EndFitQuery
 from nerfnav_app.queries.field_view import FieldViewQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.space import Space, SpaceQuery
+from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.place import Click
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.view import Eye
 from tests.app.doubles import balls_place, plan_step
 
@@ -54,7 +56,7 @@ def test_a_free_end_is_no_problem_and_there_is_no_offer() -> None:
 
 
 def test_a_click_on_a_ball_puts_the_robot_on_top_of_it() -> None:
-    landed = ClickLandingQuery(Click(EndRole.START, (0.0, 0.0, 2.0), (0.0, 0.0, -3.0))).answer(Resources(PLACE))
+    landed = ClickLandingQuery(Click(EndRole.START, Ray((0.0, 0.0, 2.0), (0.0, 0.0, -3.0)))).answer(Resources(PLACE))
     assert landed is not None
     x, y, z = landed
     assert (x, y) == (0.0, 0.0)
@@ -62,14 +64,14 @@ def test_a_click_on_a_ball_puts_the_robot_on_top_of_it() -> None:
 
 
 def test_a_click_on_a_side_puts_the_robot_beside_it_where_it_fits() -> None:
-    landed = ClickLandingQuery(Click(EndRole.START, (-0.9, 0.0, 0.3), (1.0, 0.0, 0.0))).answer(Resources(PLACE))
+    landed = ClickLandingQuery(Click(EndRole.START, Ray((-0.9, 0.0, 0.3), (1.0, 0.0, 0.0)))).answer(Resources(PLACE))
     assert landed is not None
     assert fits(PLACE.field, PLACE.robot.body, End(landed).state())
     assert math.dist(landed, (-0.2, 0.0, 0.3)) < 0.3, "it is far from what was clicked"
 
 
 def test_a_click_into_the_sky_lands_nowhere() -> None:
-    click = Click(EndRole.START, (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
+    click = Click(EndRole.START, Ray((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
     assert ClickLandingQuery(click).answer(Resources(PLACE)) is None
 
 
@@ -116,6 +118,6 @@ def test_what_no_camera_saw_is_occupied_and_near_as_it_is_for_planners() -> None
     assert near[0] > 50 and near[1] == 0
     states = RigidState.stack([RigidState.at_rest(tuple(middle.tolist()))] * 2)
     motion = Motion(states, torch.zeros(1, 4), 0.1)
-    still = ClearanceQuery(replace(plan_step(Ends(), 0), motion=motion))
+    still = ClearanceQuery(PlanRecord(Ends(), latest=replace(plan_step(Ends(), 0), motion=motion)))
     (_, inside, _), (_, outside, _) = (still.answer(Resources(one)) for one in (place, PLACE))
     assert inside[0] == 0 < outside[0]

@@ -10,6 +10,7 @@ from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.actions import Redo, Undo
+from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.plan import AllowTime
 from nerfnav_app.state.session import MOST_UNDO_STEPS, Session
 from tests.app.sessions import after
@@ -61,7 +62,7 @@ def test_a_slider_that_moves_on_is_one_step_and_another_setting_is_another(opene
 
 
 def test_a_click_that_puts_an_end_down_is_undone(opened: Session) -> None:
-    aimed = after(opened, m.AimEnd(EndRole.GOAL), m.ClickScene((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
+    aimed = after(opened, m.AimEnd(EndRole.GOAL), m.ClickScene(Ray((0.0, 0.0, 1.0), (0.0, 0.0, -1.0))))
     assert aimed.clicked is not None
     landed = after(aimed, m.QueryAnswered(ClickLandingQuery(aimed.clicked), THERE.position))
     assert landed.ends.goal.position == THERE.position

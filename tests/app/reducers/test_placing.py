@@ -25,7 +25,7 @@ def opened() -> Session:
 def clicked(session: Session, *points: p.Vector) -> Session:
     """The session after clicks that met these points from two metres above."""
     for x, y, z in points:
-        session = after(session, m.ClickScene((x, y, z + 2.0), (0.0, 0.0, -1.0)))
+        session = after(session, m.ClickScene(p.Ray((x, y, z + 2.0), (0.0, 0.0, -1.0))))
         (query,) = SurfacePointQuery.pending(session)
         session = reduce(session, m.QueryAnswered(query, (x, y, z)))
     return session
@@ -56,7 +56,7 @@ def test_three_clicks_on_a_line_are_told_when_they_are_applied(opened: Session) 
 
 
 def test_a_click_that_meets_nothing_is_asked_again(opened: Session) -> None:
-    session = after(opened, p.PickPoints(p.PickTarget.FLOOR), m.ClickScene((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
+    session = after(opened, p.PickPoints(p.PickTarget.FLOOR), m.ClickScene(p.Ray((0.0, 0.0, 2.0), (0.0, 0.0, 1.0))))
     (query,) = SurfacePointQuery.pending(session)
     session = reduce(session, m.QueryAnswered(query, None))
     assert session.alignment.pointing is p.PickTarget.FLOOR and not session.alignment.floor and session.notices[-1].bad

@@ -19,7 +19,7 @@ from nerfnav_app.queries.query import Resources
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.plan import CostHistory, PlanSettings
+from nerfnav_app.state.plan import CostHistory, PlanRecord, PlanSettings
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place, plan_step
@@ -105,7 +105,7 @@ def test_a_profile_has_clearance_and_bound_of_each_step() -> None:
     (result,) = [event.result for event in events if isinstance(event, PlannerCompared)]
     assert result.motion is not None
     last = replace(plan_step(Ends(), 0), motion=result.motion)
-    time, clearance, bound = ClearanceQuery(last).answer(Resources(PLACE))
+    time, clearance, bound = ClearanceQuery(PlanRecord(Ends(), latest=last)).answer(Resources(PLACE))
     assert np.allclose(time, 0.1 * np.arange(1, 11))
     assert clearance.min() == pytest.approx(100 * result.summary["safety"]["min_clearance_m"], abs=0.2)
     assert bound.max() == pytest.approx(100 * result.summary["safety"]["bound_per_step_max"], rel=1e-3, abs=1e-6)

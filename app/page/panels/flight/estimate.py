@@ -11,7 +11,7 @@ from nerfnav.navigation import NavigationStep, SupervisorState
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
 from nerfnav_app.page.kit.chart import ERRORS, FlightChart
 from nerfnav_app.page.kit.html import columns, fine, note, table, warning
-from nerfnav_app.page.kit.widgets import Binder, ChoiceList
+from nerfnav_app.page.kit.widgets import Binder, ChoiceList, post_on
 from nerfnav_app.page.layers.global_localization import MOST_CANDIDATES
 from nerfnav_app.state.actions import Command, FindRobot, KidnapRobot, Settings
 from nerfnav_app.state.flight import FlightRecord, LocalizationRecord
@@ -35,7 +35,11 @@ def describe(flight: FlightRecord | None) -> str:
             _three(np.rad2deg(deviation[ATTITUDE].numpy()), "°"),
             "Of the estimated attitude",
         ),
-        ("Error / std. dev. (1 is consistent)", _normalize(nees), f"Root of NEES / 6; NEES of the pose: {nees:.3g}"),
+        (
+            "Error / std. dev. (1 is consistent)",
+            f"{max(nees / 6, 0.0) ** 0.5:.2g}",
+            f"Root of NEES / 6; NEES of the pose: {nees:.3g}",
+        ),
         *_of_update(last),
     ]
     outcome = last.update.outcome.value if last.update is not None else ""
@@ -91,11 +95,6 @@ def _of_update(step: NavigationStep) -> list[tuple[str, str]]:
     ]
 
 
-def _normalize(nees: float) -> str:
-    """Format the error of the pose in standard deviations: the root mean square of its six numbers."""
-    return f"{max(nees / 6, 0.0) ** 0.5:.2g}"
-
-
 def _three(values: np.ndarray, unit: str) -> str:
     return " · ".join(f"{value:.2g}" for value in values) + f" {unit}"
 
@@ -119,14 +118,8 @@ class EstimatePanel:
         self._found = server.gui.add_html("", visible=False)
         self._numbers = server.gui.add_html(note("Opening…"))
         self._errors = FlightChart(server, ERRORS)
-
-        @self._find.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(FindRobot())
-
-        @self._kidnap.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(KidnapRobot())
+        post_on(self._find.on_click, post, FindRobot)
+        post_on(self._kidnap.on_click, post, KidnapRobot)
 
     def show(self, session: Session) -> None:
         """Show the estimate of the last time step."""

@@ -12,7 +12,7 @@ from nerfnav.navigation import WorldName
 from nerfnav.robots import ATTITUDE, POSITION
 from nerfnav_app.page.kit.chart import TIMES, FlightChart
 from nerfnav_app.page.kit.html import note, table, warning
-from nerfnav_app.page.kit.widgets import Binder
+from nerfnav_app.page.kit.widgets import Binder, post_on
 from nerfnav_app.state.actions import Command, Gust, Pause, Resume, Settings, StepOnce
 from nerfnav_app.state.flight import LARGEST_SEED, FlightRecord
 from nerfnav_app.state.session import Session
@@ -84,16 +84,9 @@ class FlightPanel:
         self._settings = FlightSettingsWidgets(server, post)
         self._numbers = server.gui.add_html("")
         self._times = FlightChart(server, TIMES)
-
-        @self._gust.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(Gust())
-
-        @self._steer.on_click
-        async def _(event: viser.GuiEvent) -> None:
-            commands = {"Pause": Pause(), "Resume": Resume(), "Step": StepOnce()}
-            if event.target.value in commands:
-                post(commands[event.target.value])
+        commands = {"Pause": Pause(), "Resume": Resume(), "Step": StepOnce()}
+        post_on(self._gust.on_click, post, Gust)
+        post_on(self._steer.on_click, post, lambda: commands.get(self._steer.value))
 
     def show(self, session: Session) -> None:
         """Show the flight as far as it has gone."""

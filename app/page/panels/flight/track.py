@@ -11,6 +11,7 @@ import viser
 from nerfnav.export import TRACK_FILES, texts_of_track
 from nerfnav.tracking import TrackStatus
 from nerfnav_app.page.kit.html import fine, note, table, warning
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.places.uploads import TRACK_SUFFIXES, TrackSources, UploadError
 from nerfnav_app.state.actions import Command, Notify
 from nerfnav_app.state.session import Session
@@ -92,10 +93,7 @@ class TrackPanel:
         self._upload.on_upload(self._take)
         for name, button in self._downloads.items():
             button.on_click(partial(self._send, name))
-
-        @self._remove.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(RemoveTrack())
+        post_on(self._remove.on_click, post, RemoveTrack)
 
     def _take(self, event: viser.GuiEvent[Any]) -> None:
         """Store the upload and track its camera; runs on a thread of the server's pool."""
@@ -105,8 +103,8 @@ class TrackPanel:
             source = self._sources.keep(upload.name, upload.content)
         except UploadError as error:
             self._post(Notify("Not tracked", str(error), bad=True))
-            return
-        self._post(StartTrack(source, upload.name, fps or None, fov or None))
+        else:
+            self._post(StartTrack(source, upload.name, fps or None, fov or None))
 
     def _send(self, name: str, event: viser.GuiEvent[Any]) -> None:
         """Send a file to the tab that requests it; runs on a thread of the server's pool."""

@@ -10,6 +10,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.geometry import Box
 from nerfnav.importers import format_length
 from nerfnav_app.page.kit.html import note, warning
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.places.sources import title_of
 from nerfnav_app.state.actions import Command, Notify
 from nerfnav_app.state.alignment import (
@@ -54,51 +55,30 @@ class AlignmentPanel:
             self._lower = server.gui.add_vector3("Keep from [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
             self._upper = server.gui.add_vector3("Keep to [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
             self._status = server.gui.add_html("")
-            button = partial(self._button, server)
-            self._apply = button("Apply", _ICON.CHECK, ApplyAlignment(), "Align the place without training again")
-            self._undo = button("Undo alignment", _ICON.ARROW_BACK_UP, UndoAlignment(), "Restore the earlier place")
-            self._discard = button("Discard input", _ICON.ERASER, DiscardAlignment(), "Discard clicks and numbers")
-            self._save = server.gui.add_button("Save the field", color="gray", icon=_ICON.DOWNLOAD, hint="As .npz")
-        self._point.on_click(self._point_at)
-        self._distance.on_update(self._measure)
-        self._find.on_update(self._find_floor)
+            button = partial(server.gui.add_button, color="gray")
+            self._apply = button("Apply", icon=_ICON.CHECK, hint="Align the place without training again")
+            self._undo = button("Undo alignment", icon=_ICON.ARROW_BACK_UP, hint="Restore the earlier place")
+            self._discard = button("Discard input", icon=_ICON.ERASER, hint="Discard clicks and numbers")
+            self._save = button("Save the field", icon=_ICON.DOWNLOAD, hint="As .npz")
+        post_on(self._point.on_click, post, lambda: PickPoints(PickTarget(self._point.value)))
+        post_on(self._distance.on_update, post, lambda: SetDistance(float(self._distance.value)))
+        post_on(self._find.on_update, post, lambda: FindFloor(self._find.value))
         for widget in (self._crop, self._lower, self._upper):
-            widget.on_update(self._keep)
+            post_on(widget.on_update, post, self._keep)
+        post_on(self._apply.on_click, post, ApplyAlignment)
+        post_on(self._undo.on_click, post, UndoAlignment)
+        post_on(self._discard.on_click, post, DiscardAlignment)
         self._save.on_click(self._send)
 
-    def _button(
-        self, server: viser.ViserServer, name: str, icon: viser.IconName, command: Command, hint: str
-    ) -> viser.GuiButtonHandle:
-        button = server.gui.add_button(name, color="gray", icon=icon, hint=hint)
-
-        @button.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            self._post(command)
-
-        return button
-
-    async def _point_at(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._post(PickPoints(PickTarget(event.target.value)))
-
-    async def _measure(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._post(SetDistance(float(self._distance.value)))
-
-    async def _find_floor(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._post(FindFloor(self._find.value))
-
-    async def _keep(self, event: viser.GuiEvent) -> None:
-        if event.client is None or self._session is None or self._session.place is None:
-            return  # the session wrote it
+    def _keep(self) -> Keep | None:
+        if self._session is None or self._session.place is None:
+            return None
         if not self._crop.value:
-            self._post(Keep(None))
-        elif self._session.alignment.kept is None:
+            return Keep(None)
+        if self._session.alignment.kept is None:
             box = self._session.place.field.box
-            self._post(Keep((_corner(box.lower.tolist()), _corner(box.upper.tolist()))))
-        else:
-            self._post(Keep((_corner(self._lower.value), _corner(self._upper.value))))
+            return Keep((_corner(box.lower.tolist()), _corner(box.upper.tolist())))
+        return Keep((_corner(self._lower.value), _corner(self._upper.value)))
 
     def _send(self, event: viser.GuiEvent) -> None:
         """Send the field's file to the tab that requests it; runs on a thread of the server's pool."""
@@ -112,8 +92,8 @@ class AlignmentPanel:
             content = Path(place.file).read_bytes()
         except OSError as error:
             self._post(Notify("Not saved", f"{title_of(str(place.file))} cannot be read: {error.strerror}", bad=True))
-            return
-        event.client.send_file_download(f"{place.name}.npz", content, save_immediately=True)
+        else:
+            event.client.send_file_download(f"{place.name}.npz", content, save_immediately=True)
 
     def show(self, session: Session) -> None:
         """Show what is known, and copy the session's numbers into the widgets."""
@@ -136,9 +116,7 @@ class AlignmentPanel:
 def describe_scale(guesses: tuple[str, ...], box: Box) -> str:
     """Describe the length of the place, and what was guessed of up and scale."""
     longest = f"This place is {format_length(float(box.size.max()))} long."
-    if not guesses:
-        return longest
-    return " ".join([longest, "Guessed:", *map(sentence, guesses)])
+    return " ".join([longest, "Guessed:", *map(sentence, guesses)]) if guesses else longest
 
 
 def describe(draft: AlignmentDraft) -> str:

@@ -7,7 +7,7 @@ import viser
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav_app.page.kit.html import note
-from nerfnav_app.page.kit.widgets import ChoiceList
+from nerfnav_app.page.kit.widgets import ChoiceList, post_on
 from nerfnav_app.places.derived import describe_unproven_in
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.sources import BUDGETS_S, SUFFIXES, QualityName, title_of
@@ -31,7 +31,7 @@ class PlacePanel:
         self._places: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             "Place", list[str](self._bundled), hint="Bundled worlds and files that were opened"
         )
-        self._places.on_update(self._open)
+        post_on(self._places.on_update, post, self._chosen)
         self._upload = server.gui.add_upload_button(
             "Open a file",
             color="gray",
@@ -48,20 +48,14 @@ class PlacePanel:
         self._unproven = server.gui.add_html("", visible=False)
         known = (*robots.names(), *map(str, library.robots.files()))
         self._robots = ChoiceList(server, "robot", known, "Body and dynamics", post)
+        post_on(self._quality.on_update, post, lambda: ChooseQuality(_QUALITIES[self._quality.value]))
+        post_on(self._stop.on_click, post, Cancel)
 
-        @self._quality.on_update
-        async def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                post(ChooseQuality(_QUALITIES[self._quality.value]))
-
-        @self._stop.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(Cancel())
-
-    async def _open(self, event: viser.GuiEvent) -> None:
+    def _chosen(self) -> OpenPlace | None:
         what = self._known.get(self._places.value)  # empty before the first session is shown
-        if event.client is not None and self._session is not None and what not in (None, self._session.what):
-            self._post(OpenPlace(what))
+        if what is None or self._session is None or what == self._session.what:
+            return None
+        return OpenPlace(what)
 
     def _take(self, event: viser.GuiEvent) -> None:
         """Store the upload and open it; runs on a thread of the server's pool."""

@@ -7,6 +7,7 @@ import numpy as np
 import viser
 
 from nerfnav_app.page.kit.html import fine, note, warning
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.places.place import Place
 from nerfnav_app.state.actions import AimEnd, ChooseTask, Command, MoveEnd, TypeEnd
@@ -23,34 +24,28 @@ class EndsPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """Add the widgets; `post` takes the commands."""
-        self._post = post
         self._updated_at = 0.0
         self._tasks: dict[str, str] = {}
         self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             "Task", list[str]([_BY_HAND]), hint="Start and goal of a task of this scene"
         )
-        self._task.on_update(self._choose)
         self._numbers = {which: _EndNumbers(server, which, post) for which in EndRole}
         self._aim = server.gui.add_button_group(
             "Click to place", tuple(which.value for which in EndRole), hint="Then click into the scene"
         )
         self._status = server.gui.add_html(note("Opening…"))
         self._offers = {which: _Offer(server, which, post) for which in EndRole}
-        self._aim.on_click(self._take_aim)
+        post_on(self._task.on_update, post, self._chosen)
+        post_on(self._aim.on_click, post, lambda: AimEnd(EndRole(self._aim.value)))
 
-    async def _choose(self, event: viser.GuiEvent) -> None:
+    def _chosen(self) -> ChooseTask | None:
         name = self._tasks.get(self._task.value)
-        if event.client is not None and name is not None:
-            self._post(ChooseTask(name))
-
-    async def _take_aim(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._post(AimEnd(EndRole(event.target.value)))
+        return None if name is None else ChooseTask(name)
 
     def show(self, session: Session) -> None:
         """Copy the session's numbers into the widgets."""
         place = session.place
-        for widget in (self._task, self._aim, *(numbers for numbers in self._numbers.values())):
+        for widget in (self._task, self._aim, *self._numbers.values()):
             widget.visible = place is not None
         if place is None:
             self._status.content = note("Opening…")
@@ -72,9 +67,8 @@ class EndsPanel:
 
 def titles(place: Place) -> dict[str, str]:
     """Map the label of each task of a place to its name: the robot's own first, others with their robot."""
-    own = [task for task in place.tasks if task.robot == place.robot.name]
-    others = [task for task in place.tasks if task.robot != place.robot.name]
-    return {**{task.name: task.name for task in own}, **{f"{task.name} ({task.robot})": task.name for task in others}}
+    own = {task.name: task.name for task in place.tasks if task.robot == place.robot.name}
+    return own | {f"{task.name} ({task.robot})": task.name for task in place.tasks if task.robot != place.robot.name}
 
 
 def describe(session: Session) -> str:
@@ -102,11 +96,7 @@ class _Offer:
         self._button = server.gui.add_button(
             f"Move the {which.value} to the nearest free point", color="gray", icon=viser.Icon.MAGNET, visible=False
         )
-
-        @self._button.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            if self._end is not None:
-                post(MoveEnd(which, self._end))
+        post_on(self._button.on_click, post, lambda: None if self._end is None else MoveEnd(which, self._end))
 
     def show(self, end: End | None) -> None:
         self._end = end
@@ -117,20 +107,18 @@ class _EndNumbers:
     """Number fields of one end: position and heading."""
 
     def __init__(self, server: viser.ViserServer, which: EndRole, post: Callable[[Command], None]) -> None:
-        self._which, self._post = which, post
+        self._which = which
         name = capital(which.value)
         self._position = server.gui.add_vector3(
             f"{name} [m]", (0.0, 0.0, 0.0), step=0.01, hint=f"x, y, z of the {which.value} in the world"
         )
         self._yaw = server.gui.add_number(f"{name} yaw [°]", 0.0, step=1.0, hint="Heading; 0 points along x")
-        self._position.on_update(self._changed)
-        self._yaw.on_update(self._changed)
+        post_on(self._position.on_update, post, self._typed)
+        post_on(self._yaw.on_update, post, self._typed)
 
-    async def _changed(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return  # the session wrote it
+    def _typed(self) -> TypeEnd:
         x, y, z = (float(value) for value in self._position.value)
-        self._post(TypeEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
+        return TypeEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value))))
 
     @property
     def visible(self) -> bool:

@@ -7,7 +7,7 @@ import viser
 
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.state.actions import Command
-from nerfnav_app.state.job import Download, JobKind, MapDownload
+from nerfnav_app.state.job import JobKind, MapDownload
 from nerfnav_app.state.session import Session
 
 MAPS = {"Voxels (.npz)": ".npz", "Collision mesh (.glb)": ".glb", "Map of ROS (.pgm, .yaml)": ".pgm"}
@@ -37,10 +37,6 @@ class OccupancyMapPanel:
         made = session.download
         if made is not None and made.id != self._sent:
             self._sent = made.id
-            self._send(made)
-
-    def _send(self, made: Download) -> None:
-        """Send it to the tab that requested it, unless it is closed."""
-        client = self._server.get_clients().get(made.client)
-        if client is not None:
-            client.send_file_download(made.name, made.content, save_immediately=True)
+            client = self._server.get_clients().get(made.client)
+            if client is not None:  # else the tab that requested it is closed
+                client.send_file_download(made.name, made.content, save_immediately=True)

@@ -18,7 +18,7 @@ from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.chart import Chart, time_shown
 from nerfnav_app.page.kit.html import LegendEntry, legend, note, table, warning
 from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH
-from nerfnav_app.page.kit.widgets import Binder, ChoiceList
+from nerfnav_app.page.kit.widgets import Binder, ChoiceList, post_on
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.state.actions import Command, Settings, StartComparison
@@ -65,18 +65,18 @@ def percent(share: float) -> str:
 
 def describe_comparison(comparison: tuple[PlannerResult, ...]) -> str:
     """Format the results of several planners as HTML."""
-    rows = [("planner", "collision · control · overlap [cm³] · time [s]")]
-    for result in comparison:
-        if result.motion is None:
-            rows.append((result.planner, result.complaint))
-            continue
-        cost, overlap = result.summary["cost"], result.summary["mesh_overlap_m3"]
-        volume = "–" if overlap is None else f"{1e6 * overlap:.1f}"
-        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {volume} · {result.summary['wall_s']:.3g}"
-        rows.append((result.planner, numbers))
+    head = ("planner", "collision · control · overlap [cm³] · time [s]")
     found = [result.planner for result in comparison if result.motion is not None]
-    lines = legend(LegendEntry(PLANNERS[name].color, name) for name in found)
-    return table(rows) + lines
+    rows = [head, *((result.planner, _compared(result)) for result in comparison)]
+    return table(rows) + legend(LegendEntry(PLANNERS[name].color, name) for name in found)
+
+
+def _compared(result: PlannerResult) -> str:
+    if result.motion is None:
+        return result.complaint
+    cost, overlap = result.summary["cost"], result.summary["mesh_overlap_m3"]
+    volume = "–" if overlap is None else f"{1e6 * overlap:.1f}"
+    return f"{cost['collision']:.3g} · {cost['control']:.3g} · {volume} · {result.summary['wall_s']:.3g}"
 
 
 def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
@@ -117,15 +117,14 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
     if summary.get("mesh_overlap_m3") is not None:
         overlap = number(1e6 * summary["mesh_overlap_m3"], "cm³")
         rows.append(("Overlap with the true mesh", overlap, "Largest volume that body and ground-truth mesh share"))
-    if summary.get("max_thrust_n") is not None:
-        rows.append(("Peak thrust", number(summary["max_thrust_n"], "N")))
-    if summary.get("duration_s") is not None:
-        rows.append(("Duration", number(summary["duration_s"], "s")))
-    if summary.get("safety", {}).get("min_clearance_m") is not None:
-        rows.append(("Minimum clearance", number(100 * summary["safety"]["min_clearance_m"], "cm")))
-    for name, use in summary.get("limits", {}).items():
-        rows.append((capital(name.replace("_", " ")), _used(use)))
-    return rows
+    known = (
+        ("Peak thrust", summary.get("max_thrust_n"), 1, "N"),
+        ("Duration", summary.get("duration_s"), 1, "s"),
+        ("Minimum clearance", summary.get("safety", {}).get("min_clearance_m"), 100, "cm"),
+    )
+    rows += [(name, number(scale * value, unit)) for name, value, scale, unit in known if value is not None]
+    limits = summary.get("limits", {})
+    return rows + [(capital(name.replace("_", " ")), _used(use)) for name, use in limits.items()]
 
 
 def _used(use: dict[str, Any]) -> str:
@@ -152,7 +151,7 @@ def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
     """Explain why a plan is not to be flown, and name the remedy."""
     assert plan.outcome is not None, "only a plan that has ended is unsafe"
     if plan.outcome is PlanOutcome.OVER_LIMITS:
-        seconds = MoreTimeQuery.seconds_for(plan, session)
+        seconds = MoreTimeQuery.result_for(plan, session)
         remedy = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
         return f"Too fast for {duration_of(plan):.1f} s: {remedy}."
     if plan.settings.weights != CostWeights() and plan.outcome not in NO_TRAJECTORY:
@@ -185,7 +184,7 @@ class PlanCharts:
         if history is not self._history:
             self._history = history
             self._cost.show(chart_data(history))
-        known = ClearanceQuery.rows_of(session.plan, session)
+        known = ClearanceQuery.result_for(session.plan, session)
         rows = np.zeros((3, 0)) if known is None else known
         at = time_shown(session)
         self._clearance.show(rows[[0, 1]], at)
@@ -256,10 +255,7 @@ class PlanPanel:
         self._comparison = server.gui.add_html("", visible=False)
         self._charts = PlanCharts(server)
         self._settings = PlanSettingsWidgets(server, post)
-
-        @self._compare.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(StartComparison())
+        post_on(self._compare.on_click, post, StartComparison)
 
     def show(self, session: Session) -> None:
         """Show the plan as far as it is computed."""

@@ -11,6 +11,7 @@ import viser
 from nerfnav.core.errors import NerfnavError
 from nerfnav.robots import Kind, RobotFile, describe_robot, robot_of, to_yaml
 from nerfnav_app.page.kit.html import note, warning
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.robot_library import MESHES, ROBOTS
 from nerfnav_app.state.actions import Choose, Command, Notify
@@ -66,13 +67,13 @@ class RobotPanel:
                 hint="A robot file (.yaml); load the mesh of its body first",
             )  # fmt: skip
         for number, widget in self._numbers.items():
-            widget.on_update(partial(self._number, number))
-        self._name.on_update(self._rename)
+            post_on(widget.on_update, post, partial(self._set, number))
+        post_on(self._name.on_update, post, self._rename)
         self._kind.on_update(self._move_as)
         for widget in (self._shape, self._box, self._radius, self._height):
             widget.on_update(self._reshape)
         self._use.on_click(self._take)
-        self._discard.on_click(self._drop)
+        post_on(self._discard.on_click, post, DiscardEdits)
         self._save.on_click(self._send)
         self._load.on_upload(self._bring)
 
@@ -82,13 +83,11 @@ class RobotPanel:
         draft = None if self._session is None else self._session.robot_draft
         return draft if draft is not None or self._own is None else self._own[0]
 
-    async def _number(self, number: RobotNumber, event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None and self._own is not None:
-            self._post(number.edit(self._own[0], float(self._numbers[number].value)))
+    def _set(self, number: RobotNumber) -> EditRobot | None:
+        return None if self._own is None else number.edit(self._own[0], float(self._numbers[number].value))
 
-    async def _rename(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None and self._own is not None:
-            self._post(EditRobot(self._own[0], "", "name", str(self._name.value)))
+    def _rename(self) -> EditRobot | None:
+        return None if self._own is None else EditRobot(self._own[0], "", "name", str(self._name.value))
 
     def _move_as(self, event: viser.GuiEvent[Any]) -> None:
         """Change the kind; runs on a thread of the server's pool, as meshes are read."""
@@ -115,10 +114,6 @@ class RobotPanel:
             x, y, z = (float(edge) for edge in self._box.value)
             own = make_cylinder(own, round(0.5 * max(x, y), 4), z)
         self._post(EditRobot(self._own[0], "", "body", own))  # else as in its file
-
-    async def _drop(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None:
-            self._post(DiscardEdits())
 
     def _take(self, event: viser.GuiEvent[Any]) -> None:
         """Write the robot's file and select it; runs on a thread of the server's pool."""

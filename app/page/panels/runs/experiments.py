@@ -6,6 +6,7 @@ import numpy as np
 import viser
 
 from nerfnav_app.page.kit.html import heading, note, table
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.runs import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
@@ -39,15 +40,11 @@ class ExperimentsPanel:
         self._numbers = gui.add_html("")
         self._session: Session | None = None
         self._names.on_update(self._describe)
-        self._results.on_update(self._choose)
+        post_on(self._results.on_update, post, self._chosen)
+        post_on(self._run.on_click, post, lambda: StartExperiment(self._names.value, int(self._count.value)))
 
-        @self._run.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            self._post(StartExperiment(self._names.value, int(self._count.value)))
-
-    async def _choose(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._results.value != _NONE:
-            self._post(ShowResult(self._results.value))
+    def _chosen(self) -> ShowResult | None:
+        return None if self._results.value == _NONE else ShowResult(self._results.value)
 
     async def _describe(self, event: viser.GuiEvent) -> None:
         if self._session is not None:

@@ -76,11 +76,14 @@ class ExportPanel:
             content = form.exported(made, self._force.value).content
         except NerfnavError as error:
             self._post(Notify("Not exported", sentence(str(error)), bad=True))
-            return
-        event.client.send_file_download(name_download(session, name), content, save_immediately=True)
+        else:
+            event.client.send_file_download(name_download(session, name), content, save_immediately=True)
 
 
 def formats_for(subject: str | None) -> dict[str, ExportFormat]:
     """Select the formats of a flight or a plan, without those that need a place on Earth."""
-    fitting = {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
-    return {name: form for name, form in fitting.items() if not form.needs_datum}
+    return {
+        name: form
+        for name, form in FORMATS.items()
+        if not form.needs_datum and (subject != "plan" or not form.flights_only)
+    }

@@ -8,7 +8,7 @@ import viser
 
 from nerfnav_app.page.kit.html import LegendEntry, columns, legend, note, table
 from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
-from nerfnav_app.page.kit.widgets import confirm_deletion, format_name
+from nerfnav_app.page.kit.widgets import confirm_deletion, format_name, post_on
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.runs import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
 from nerfnav_app.state.session import Session
@@ -78,12 +78,9 @@ class RunsPanel:
         self._comparison = server.gui.add_html("", visible=False)
         self._alone = server.gui.add_button("End comparison", color="gray", icon=viser.Icon.X, visible=False)
         self._list.on_update(self._choose)
-        self._actions.on_click(self._act)
+        post_on(self._actions.on_click, post, self._action)
         self._change.on_click(self._change_run)
-
-        @self._alone.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(CompareRun(None))
+        post_on(self._alone.on_click, post, lambda: CompareRun(None))
 
     @property
     def _chosen(self) -> StoredRun | None:
@@ -95,10 +92,9 @@ class RunsPanel:
             self._post(ListRuns())
             self.show(self._session)
 
-    async def _act(self, event: viser.GuiEvent[Any]) -> None:
-        entry, word = self._chosen, event.target.value
-        if entry is not None and word in ("Open", "Compare"):
-            self._post(OpenRun(entry.name) if word == "Open" else CompareRun(entry.name))
+    def _action(self) -> OpenRun | CompareRun | None:
+        kind = {"Open": OpenRun, "Compare": CompareRun}.get(self._actions.value)
+        return None if self._chosen is None or kind is None else kind(self._chosen.name)
 
     async def _change_run(self, event: viser.GuiEvent[Any]) -> None:
         entry, word = self._chosen, event.target.value
@@ -126,9 +122,8 @@ class RunsPanel:
         self._about.content = (
             describe(entry) if entry is not None else note("No flights yet. Press Fly: each flight is stored here.")
         )
-        busy = session.in_flight
         for handle in (self._actions, self._change, self._name):
-            handle.visible = entry is not None and not busy
+            handle.visible = entry is not None and not session.in_flight
         self._compare(session)
 
     def _compare(self, session: Session) -> None:
@@ -136,11 +131,9 @@ class RunsPanel:
         self._comparison.visible = self._alone.visible = compared is not None
         if compared is not None:
             first = session.runs.opened
-            shown = first is not None and first.record is session.flight
-            numbers = session.flight.summary if session.flight is not None else {}
             self._comparison.content = comparison(
-                first.entry.name if first is not None and shown else "this flight",
-                numbers,
+                first.entry.name if first is not None and first.record is session.flight else "this flight",
+                session.flight.summary if session.flight is not None else {},
                 compared.entry.name,
                 compared.entry.metadata.metrics,
             )

@@ -3,8 +3,9 @@
 A command posts the same message as its button; it is greyed out where its button is.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import viser
@@ -12,6 +13,7 @@ import viser
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.planner import PLANNERS
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.state.actions import (
     Adjust,
     Cancel,
@@ -61,11 +63,12 @@ class CommandPalette:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """Add the widgets; `post` takes the commands."""
-        self._post = post
         self._session: Session | None = None
-        self._commands = [(entry, self._add(server, entry)) for entry in entries()]
+        self._commands = [(entry, self._add(server, post, entry)) for entry in entries()]
 
-    def _add(self, server: viser.ViserServer, entry: Shortcut) -> viser.CommandHandle:
+    def _add(
+        self, server: viser.ViserServer, post: Callable[[Command], None], entry: Shortcut
+    ) -> viser.CommandHandle:
         handle = server.gui.add_command(
             entry.label,
             description=entry.hint,
@@ -74,13 +77,7 @@ class CommandPalette:
             icon=entry.icon,
             disabled=True,
         )
-
-        @handle.on_trigger
-        async def _(_: viser.CommandEvent) -> None:
-            asked = entry.asks(self._session) if self._session is not None else None
-            if asked is not None:
-                self._post(asked)
-
+        post_on(handle.on_trigger, post, lambda: None if self._session is None else entry.asks(self._session))
         return handle
 
     def show(self, session: Session) -> None:
@@ -92,49 +89,46 @@ class CommandPalette:
                 handle.disabled = disabled
 
 
-def entries() -> Iterator[Shortcut]:
+def entries() -> tuple[Shortcut, ...]:
     """List all commands, the frequent ones first."""
     icons = viser.Icon
-    yield Shortcut("Plan", _when_free(StartPlan()), "P", icon=icons.ROUTE)
-    yield Shortcut("Fly", _when_free(StartFlight()), "F", icon=icons.DRONE)
-    yield Shortcut("Pause, resume, play back", _hold, "space", icon=icons.PLAYER_PAUSE)
-    yield Shortcut("One time step back", _look(-1), "pageup", icon=icons.PLAYER_TRACK_PREV)
-    yield Shortcut("One time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT)
-    yield Shortcut("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step")
-    yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot once")
-    yield Shortcut(
-        "Kidnap the robot",
-        _when_flying(KidnapRobot()),
-        icon=icons.HAND_GRAB,
-        hint="Move it without a report to its filter",
-    )
-    yield Shortcut("Find the robot", lambda session: FindRobot() if session.may_find else None, icon=icons.MAP_SEARCH,
-                hint="Global localization by its last picture")  # fmt: skip
-    yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
-    yield Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
-    yield Shortcut("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
-    yield Shortcut("Undo", _when_known(Undo(), "past"), "Z", "cmd/ctrl", icons.ARROW_BACK_UP)
-    yield Shortcut("Redo", _when_known(Redo(), "future"), "Y", "cmd/ctrl", icons.ARROW_FORWARD_UP)
-    for key, mode in enumerate(CameraMode, 1):
-        yield Shortcut(f"Camera: {mode.value}", _see(mode), str(key), icon=icons.EYE)
-    for name in scenes.names():
-        yield Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2)
-    for name in PLANNERS:
-        yield Shortcut(f"Planner: {name}", _choose("planner", name), icon=icons.ROUTE)
-    for name in robots.names():
-        yield Shortcut(f"Robot: {name}", _choose("robot", name), icon=icons.DRONE)
+    return (
+        Shortcut("Plan", _when("may_begin", StartPlan()), "P", icon=icons.ROUTE),
+        Shortcut("Fly", _when("may_begin", StartFlight()), "F", icon=icons.DRONE),
+        Shortcut("Pause, resume, play back", _hold, "space", icon=icons.PLAYER_PAUSE),
+        Shortcut("One time step back", _look(-1), "pageup", icon=icons.PLAYER_TRACK_PREV),
+        Shortcut("One time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT),
+        Shortcut("Step", _when("in_flight", StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step"),
+        Shortcut("Gust", _when("in_flight", Gust()), "G", icon=icons.WIND, hint="Push the robot once"),
+        Shortcut("Kidnap the robot", _when("in_flight", KidnapRobot()), icon=icons.HAND_GRAB,
+                 hint="Move it without a report to its filter"),
+        Shortcut("Find the robot", _when("may_find", FindRobot()), icon=icons.MAP_SEARCH,
+                 hint="Global localization by its last picture"),
+        Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X),
+        Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task"),
+        Shortcut("Reset", _when("place", Reset()), "R", "shift", icons.REFRESH),
+        Shortcut("Undo", _when("history.past", Undo()), "Z", "cmd/ctrl", icons.ARROW_BACK_UP),
+        Shortcut("Redo", _when("history.future", Redo()), "Y", "cmd/ctrl", icons.ARROW_FORWARD_UP),
+        *(Shortcut(f"Camera: {mode.value}", _see(mode), str(key), icon=icons.EYE)
+          for key, mode in enumerate(CameraMode, 1)),
+        *(Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2) for name in scenes.names()),
+        *(Shortcut(f"Planner: {name}", _choose("planner", name), icon=icons.ROUTE) for name in PLANNERS),
+        *(Shortcut(f"Robot: {name}", _choose("robot", name), icon=icons.DRONE) for name in robots.names()),
+    )  # fmt: skip
 
 
-def _when_free(command: Command) -> Callable[[Session], Command | None]:
-    return lambda session: command if session.may_begin else None
+def _when(state: str, command: Command) -> Callable[[Session], Command | None]:
+    """Allow a command while that attribute of the session is true, or not empty."""
+    allowed = attrgetter(state)
+    return lambda session: command if allowed(session) else None
 
 
-def _when_flying(command: Command) -> Callable[[Session], Command | None]:
-    return lambda session: command if session.in_flight else None
+def _see(mode: CameraMode) -> Callable[[Session], Command | None]:
+    return lambda session: Adjust(Settings.VIEW, "camera", mode) if session.view_settings.camera is not mode else None
 
 
-def _when_known(command: Command, side: str) -> Callable[[Session], Command | None]:
-    return lambda session: command if getattr(session.history, side) else None
+def _open(name: str) -> Callable[[Session], Command | None]:
+    return lambda session: OpenPlace(name) if session.what != name else None
 
 
 def _hold(session: Session) -> Command | None:
@@ -155,10 +149,6 @@ def _look(by: int) -> Callable[[Session], Command | None]:
     return ask
 
 
-def _see(mode: CameraMode) -> Callable[[Session], Command | None]:
-    return lambda session: Adjust(Settings.VIEW, "camera", mode) if session.view_settings.camera is not mode else None
-
-
 def _may_stop(session: Session) -> bool:
     """Check for a job that can be stopped; the first place must be opened."""
     return session.job is not None and (session.job.kind is not JobKind.OPEN or session.before is not None)
@@ -169,10 +159,6 @@ def _next_task(session: Session) -> Command | None:
     if not names:
         return None
     return ChooseTask(names[(names.index(session.task) + 1) % len(names) if session.task in names else 0])
-
-
-def _open(name: str) -> Callable[[Session], Command | None]:
-    return lambda session: OpenPlace(name) if session.what != name else None
 
 
 def _choose(field: str, name: str) -> Callable[[Session], Command | None]:

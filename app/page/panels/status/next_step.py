@@ -1,10 +1,12 @@
 """Next step: the most likely command of the user, and the button that offers it."""
 
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
 from nerfnav.planner import CostWeights, PlanOutcome
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
 from nerfnav_app.state.job import JobKind
@@ -20,7 +22,7 @@ def find_remedy(session: Session) -> tuple[Command, str] | None:
     if plan is None or session.job is not None:
         return None
     if plan.outcome is PlanOutcome.OVER_LIMITS:
-        seconds = MoreTimeQuery.seconds_for(plan, session)
+        seconds = MoreTimeQuery.result_for(plan, session)
         return None if seconds is None else (AllowTime(seconds), f"Allow {seconds:.1f} s")
     return (RestoreWeights(), "Restore the weights") if plan.settings.weights != CostWeights() else None
 
@@ -51,13 +53,8 @@ class NextButtons:
         self._buttons = {kind: _button(server, kind) for kind in _OFFERS}
         self._wanted: dict[type[Command], Command] = {}
         for kind, button in self._buttons.items():
-            self._listen(kind, button, post)
-
-    def _listen(self, kind: type[Command], button: viser.GuiButtonHandle, post: Callable[[Command], None]) -> None:
-        @button.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            if kind in self._wanted:  # a click on a button that was never shown is not from our page
-                post(self._wanted[kind])
+            # a click on a button that was never shown is not from our page
+            post_on(button.on_click, post, partial(self._wanted.get, kind))
 
     def show(self, session: Session, visible: bool) -> None:
         """Show the button of the next command, if any."""

@@ -12,6 +12,7 @@ from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
 from nerfnav_app.page.kit.html import LegendEntry, fine, heading, legend, note, warning
 from nerfnav_app.page.kit.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.page.panels.flight.track import summarize_track as track_ended
 from nerfnav_app.page.panels.plan.plan import explain_unsafe_plan, summarize_plan
 from nerfnav_app.page.panels.status.next_step import NextButtons
@@ -167,19 +168,9 @@ class StatusPanel:
             "Changes", tuple(_CHANGES), hint="Ctrl+Z, Ctrl+Y, Shift+R; Reset discards plan, flight and all settings"
         )
         self._legend = server.gui.add_html(legend(_MEANINGS))
-
-        @self._back.on_click
-        async def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                post(_CHANGES[event.target.value])
-
-        @self._anyway.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(StartFlight(anyway=True))
-
-        @self._decline.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(DeclineFlight())
+        post_on(self._back.on_click, post, lambda: _CHANGES[self._back.value])
+        post_on(self._anyway.on_click, post, lambda: StartFlight(anyway=True))
+        post_on(self._decline.on_click, post, DeclineFlight)
 
     def show(self, session: Session) -> None:
         """Show the place and the status."""

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import viser
 from viser._messages import GuiSliderMark
 
-from nerfnav.navigation import NavigationStep, SupervisorState
+from nerfnav.navigation import SupervisorState
 from nerfnav.tracking import TrackStatus
+from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.runs import PlayBack, Scrub, TimedRecord
 from nerfnav_app.state.session import Session
@@ -19,6 +20,9 @@ from nerfnav_app.state.tracks import TrackRecord
 
 _LETTER, _GAP = 0.028, 0.01
 """Width of a letter, and space between labels, in lengths of the slider."""
+
+
+_LOST = (SupervisorState.WIDENED, SupervisorState.SEARCHED, SupervisorState.LOST)
 
 
 class Mark(NamedTuple):
@@ -36,7 +40,7 @@ def list_marks(flight: TimedRecord) -> tuple[Mark, ...]:
     steps = flight.steps
     happened = {
         "hit": [step.touched for step in steps],
-        "lost": [_is_lost(step) for step in steps],
+        "lost": [step.recovery in _LOST for step in steps],
         "blind": [step.recovery in (SupervisorState.BLIND, SupervisorState.ADRIFT) for step in steps],
         "braked": [step.recovery is SupervisorState.BACKUP for step in steps],
         "found": [step.recovery is SupervisorState.RELOCALISED for step in steps],
@@ -74,10 +78,6 @@ def _marks_of_track(track: TrackRecord) -> tuple[Mark, ...]:
     return tuple(sorted(Mark(times[index], label) for label, on in happened.items() for index in _beginnings(on)))
 
 
-def _is_lost(step: NavigationStep) -> bool:
-    return step.recovery in (SupervisorState.WIDENED, SupervisorState.SEARCHED, SupervisorState.LOST)
-
-
 def _at(indices: Iterable[int], count: int) -> list[bool]:
     return [index in set(indices) for index in range(count)]
 
@@ -94,7 +94,7 @@ class TimelinePanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """Add the widgets; `post` takes the commands."""
-        self._server, self._post = server, post
+        self._server = server
         self._slider = server.gui.add_slider(
             "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Time of the flight that is shown"
         )
@@ -103,17 +103,12 @@ class TimelinePanel:
         self._times: tuple[float, ...] = (0.0,)
         self._asked: int | None = None
         self._playing = False
-        self._slider.on_update(self._scrub)
+        post_on(self._slider.on_update, post, self._scrub)
+        post_on(self._play.on_click, post, lambda: PlayBack(not self._playing))
 
-        @self._play.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(PlayBack(not self._playing))
-
-    async def _scrub(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return  # the session wrote it
+    def _scrub(self) -> Scrub:
         self._asked = nearest(self._times, float(self._slider.value))
-        self._post(Scrub(self._asked))
+        return Scrub(self._asked)
 
     def show(self, session: Session) -> None:
         """Show the time and the events of the flight; while it flies, its last step."""
