@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -19,7 +20,9 @@ class Box(TensorStruct):
     """Largest x, y, z [m]."""
 
     @classmethod
-    def of(cls, lower: tuple[float, float, float], upper: tuple[float, float, float]) -> "Box":
+    def of(
+        cls, lower: tuple[float, float, float] | np.ndarray, upper: tuple[float, float, float] | np.ndarray
+    ) -> "Box":
         """A box from plain numbers [m]."""
         return cls(torch.tensor(lower, dtype=torch.float32), torch.tensor(upper, dtype=torch.float32))
 

@@ -163,14 +163,10 @@ class Camera:
 def look_at(eye: Float[Tensor, "*batch 3"], target: Float[Tensor, "*batch 3"]) -> Pose:
     """T_world_camera of a camera at `eye` [m] looking at `target` [m], its top towards the world's z axis."""
     backward = torch.nn.functional.normalize(eye - target, dim=-1)
-    up = torch.tensor([0.0, 0.0, 1.0], dtype=eye.dtype).expand_as(backward)
-    steep = backward[..., 2:].abs() > 0.999
-    up = torch.where(steep, torch.tensor([1.0, 0.0, 0.0], dtype=eye.dtype).expand_as(backward), up)
+    along_x, along_z = eye.new_tensor([1.0, 0.0, 0.0]), eye.new_tensor([0.0, 0.0, 1.0])
+    up = torch.where(backward[..., 2:].abs() > 0.999, along_x, along_z)
     right = torch.nn.functional.normalize(torch.linalg.cross(up, backward), dim=-1)
     return Pose(torch.stack([right, torch.linalg.cross(backward, right), backward], -1), eye)
-
-
-_GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
 def fibonacci_directions(heights: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
@@ -178,6 +174,6 @@ def fibonacci_directions(heights: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
 
     Spread evenly over the sphere where the heights are spread evenly from -1 to 1, or over a part of it.
     """
-    turn = torch.arange(len(heights)) * _GOLDEN_ANGLE
+    turn = torch.arange(len(heights)) * (math.pi * (3 - math.sqrt(5)))
     level = (1 - heights.square()).clamp_min(0).sqrt()
     return torch.stack([level * turn.cos(), level * turn.sin(), heights], -1)

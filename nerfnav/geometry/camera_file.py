@@ -124,9 +124,8 @@ def _camera(
     fx, fy, *center = numbers
     if not (fx > 0 and fy > 0 and all(map(math.isfinite, numbers))):
         raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
-    if not any(coefficients[:4] if model in _FISHEYE else coefficients) and model not in _FISHEYE:
-        coefficients = ()
     if model not in _FISHEYE and any(coefficients[5:]):
         raise InvalidInputError("a lens of more than k1, k2, p1, p2 and k3 is not known here: calibrate with those")
-    kept = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4] if model in _FISHEYE else coefficients[:5]
-    return Camera(int(size[0]), int(size[1]), fx, fy, center[0], center[1], tuple(kept), model in _FISHEYE)
+    brown = coefficients[:5] if any(coefficients) else ()
+    kept = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4] if model in _FISHEYE else brown
+    return Camera(int(size[0]), int(size[1]), fx, fy, center[0], center[1], kept, model in _FISHEYE)

@@ -71,8 +71,7 @@ class ColmapBytes:
     def numbers(self, layout: str) -> tuple[float, ...]:
         """The next numbers, laid out as `struct` has it."""
         size = struct.calcsize("<" + layout)
-        self._require(size)
-        self._at += size
+        self.skip(size)
         return struct.unpack_from("<" + layout, self._data, self._at - size)
 
     def integer(self, layout: str) -> int:
@@ -120,13 +119,11 @@ def colmap_rows(path: Path) -> Iterator[str]:
 def _text(path: Path) -> Iterator[ColmapCamera]:
     for line in colmap_rows(path):
         try:
-            number, model, width, height, *parameters = line.split()
-            values = tuple(float(word) for word in parameters)
-            size = (float(width), float(height))
-            camera = int(number)
+            number, model, *words = line.split()
+            width, height, *values = map(float, words)
+            yield _known(int(number), model, (width, height), tuple(values), path)
         except ValueError as error:
             raise InvalidInputError(f"{path} has a line that describes no camera: {line[:60]!r}") from error
-        yield _known(camera, model, size, values, path)
 
 
 def _binary(path: Path) -> Iterator[ColmapCamera]:

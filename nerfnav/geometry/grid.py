@@ -44,8 +44,7 @@ def trilinear(values: Values, box: Box, points: Float[Tensor, "*batch 3"]) -> Fl
     cell, weights = cells_of(box, (nx, ny, nz), points)
     base = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]
     nodes = values.reshape(-1, channels)[base[:, None] + corner_offsets(ny, nz).to(base.device)]
-    mixed = (weights[..., None] * nodes.to(points)).sum(1)
-    return mixed.reshape(*points.shape[:-1], channels)
+    return (weights[..., None] * nodes.to(points)).sum(1).reshape(*points.shape[:-1], channels)
 
 
 def cells_of(

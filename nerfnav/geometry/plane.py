@@ -7,7 +7,7 @@ Fischler, Bolles, "Random sample consensus", Communications of the ACM, 1981.
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
@@ -91,7 +91,7 @@ def fit_plane(
     if on[best] < config.least:
         return None
     plane = Plane(normals[best], float(offsets[best]))
-    return _fitted(points[_lies_on(plane, points, config.tolerance)]).facing(up)
+    return _fitted(points[plane.heights(points).abs() < config.tolerance]).facing(up)
 
 
 def _candidates(
@@ -105,10 +105,6 @@ def _candidates(
     normals = normals * torch.sign(normals @ up)[:, None]
     level = (lengths[:, 0] > 0) & (normals @ (up / up.norm()) > torch.cos(torch.tensor(config.tilt)))
     return normals[level], (normals * triples.mean(1)).sum(-1)[level]
-
-
-def _lies_on(plane: Plane, points: Float[Tensor, "n 3"], tolerance: float) -> Bool[Tensor, " n"]:
-    return plane.heights(points).abs() < tolerance
 
 
 def _fitted(points: Float[Tensor, "n 3"]) -> Plane:

@@ -63,12 +63,6 @@ class Similarity(TensorStruct):
         return Similarity(self.rotation @ first.rotation, moved, self.scale * first.scale)
 
     @property
-    def is_identity(self) -> bool:
-        """The transform is the identity."""
-        same = self.scale == 1.0 and not bool(self.translation.any())
-        return same and torch.equal(self.rotation, torch.eye(3).to(self.rotation))
-
-    @property
     def axes(self) -> Float[Tensor, "3 3"] | None:
         """R with entries of -1, 0 and 1 alone, where it takes axes to axes (quarter turns); None for all else."""
         whole = self.rotation.round()

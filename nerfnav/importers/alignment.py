@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.geometry import Box, Similarity
 from nerfnav.geometry.plane import Plane, RansacConfig, fit_plane, plane_through
 from nerfnav.importers.core.placement import (
@@ -21,7 +21,6 @@ from nerfnav.importers.core.placement import (
     format_length,
     require_box,
     require_direction,
-    require_positive,
     rotation_to_z,
 )
 
@@ -58,7 +57,7 @@ class AlignmentRequest:
             raise InvalidInputError("give three points of the floor or let it be found, not both")
         if self.box is not None and self.kept is not None:
             raise InvalidInputError("give one box, as the place is or as it will be, not both")
-        require_positive("scale", self.scale)
+        require_positive(**{"the scale": self.scale})
         require_direction(self.up)
         if self.floor is not None:
             plane_through(torch.tensor(self.floor))
@@ -110,8 +109,7 @@ def compute_alignment(
     elif request.up is not None:
         rotation = _turn(torch.tensor(request.up).double())
         changes.append(_tilt(rotation))
-    translation = torch.tensor([0.0, 0.0, -height], dtype=torch.float64)
-    similarity = Similarity(rotation, translation, factor or 1.0)
+    similarity = Similarity(rotation, torch.tensor([0.0, 0.0, -height], dtype=torch.float64), factor or 1.0)
     kept = None if request.box is None else Box.of(*request.box)
     if request.kept is not None:
         kept = similarity.box(Box.of(*request.kept))
@@ -130,9 +128,8 @@ def _floor(
         return plane if float(plane.heights(middle)) >= 0 else Plane(-plane.normal, -plane.offset)
     if not request.find_floor:
         return None
-    up = torch.tensor(request.up or (0.0, 0.0, 1.0))
-    tolerance = _TOLERANCE * float(box.size.max())
-    found = fit_plane(surface, up, generator, RansacConfig(tolerance=tolerance))
+    config = RansacConfig(tolerance=_TOLERANCE * float(box.size.max()))
+    found = fit_plane(surface, torch.tensor(request.up or (0.0, 0.0, 1.0)), generator, config)
     if found is None:
         raise InvalidInputError(
             "no floor was found: no level plane has much of the place on it and next to nothing below; point at three "

@@ -26,7 +26,6 @@ from nerfnav.importers.core.kinds import (
 )
 
 _TRUTH = "nerfnav-ground-truth"
-_FLIGHT, _PLAN = "run.json", "plan.json"
 
 
 def source_kind(what: str | Path, bundled: Collection[str] = ()) -> SourceKind:
@@ -47,21 +46,14 @@ def _folder_kind(folder: Path) -> SourceKind:
     from nerfnav.importers.splats.formats import holds_splats
 
     kinds: tuple[tuple[SourceKind, Callable[[Path], object]], ...] = (
-        (SourceKind.FLIGHT, lambda path: (path / _FLIGHT).is_file()),
-        (SourceKind.PLAN, lambda path: (path / _PLAN).is_file()),
+        (SourceKind.FLIGHT, lambda path: (path / "run.json").is_file()),
+        (SourceKind.PLAN, lambda path: (path / "plan.json").is_file()),
         (SourceKind.SPLATS, holds_splats),
         (SourceKind.CAPTURE, is_capture),
         (SourceKind.NERF, is_checkpoint),
         (SourceKind.MESH, find_mesh),
     )
     return next((kind for kind, holds in kinds if holds(folder)), SourceKind.UNKNOWN)
-
-
-def _archive_kind(path: Path) -> SourceKind:
-    """Kind of an archive, by the names of the files in it."""
-    from nerfnav.importers.meshes.files import list_archived_meshes
-
-    return SourceKind.MESH if list_archived_meshes(path) else SourceKind.CAPTURE
 
 
 def _described_kind(path: Path, suffix: str) -> SourceKind:
@@ -84,7 +76,9 @@ def _file_kind(path: Path) -> SourceKind:
     if suffix == FIELD:
         return _npz_kind(path)
     if suffix in ARCHIVES:
-        return _archive_kind(path)
+        from nerfnav.importers.meshes.files import list_archived_meshes
+
+        return SourceKind.MESH if list_archived_meshes(path) else SourceKind.CAPTURE
     if suffix in (".ply", ".json", ".yml", ".yaml"):
         return _described_kind(path, suffix)
     kinds = (

@@ -31,11 +31,15 @@ class BodyVolume:
         self.is_box = body.solid is None
         self.manifold = Manifold.cube(2 * self.half, center=True)
         middles = (np.arange(_CELLS_PER_EDGE) + 0.5) / _CELLS_PER_EDGE * 2 - 1
-        self.middles: Float[np.ndarray, "m 3"] = np.stack(np.meshgrid(middles, middles, middles), -1).reshape(-1, 3)
-        self.middles = self.middles * self.half
+        grid = np.stack(np.meshgrid(middles, middles, middles), -1)
+        self.middles: Float[np.ndarray, "m 3"] = grid.reshape(-1, 3) * self.half
         self.cell_half: Vector = self.half / _CELLS_PER_EDGE
         if body.solid is not None:
-            self.manifold = _manifold(body)
+            vertices, faces = np.asarray(body.solid.vertices), np.asarray(body.solid.faces)
+            closed = manifold_of(vertices, faces) or manifold_of(vertices, faces[:, ::-1])
+            if closed is None:
+                raise InvalidInputError("the robot's body is no closed solid: close its mesh, or take its convex hull")
+            self.manifold = closed
             self.middles = self.middles[body.solid.contains(self.middles)]
             if len(self.middles) == 0:
                 raise InvalidInputError("the robot's body is too thin to be judged: give it more volume")
@@ -58,16 +62,6 @@ class BodyVolume:
             touch = boxes_touch_triangles(pairs.reshape(-1, 3, 3), self.cell_half)
             crossed[open_] = touch.reshape(len(open_), len(some)).any(1)
         return crossed
-
-
-def _manifold(body: Body) -> Manifold:
-    assert body.solid is not None
-    vertices, faces = np.asarray(body.solid.vertices), np.asarray(body.solid.faces)
-    for turned in (faces, faces[:, ::-1]):
-        manifold = manifold_of(vertices, turned)
-        if manifold is not None:
-            return manifold
-    raise InvalidInputError("the robot's body is no closed solid: close its mesh, or take its convex hull")
 
 
 @lru_cache(maxsize=8)

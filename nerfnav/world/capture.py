@@ -63,8 +63,7 @@ _COARSE = 20  # pixels along the picture that measures the share that is seen
 
 def is_free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:
     """Mark poses around which a cube of half edge `clearance` [m] touches nothing."""
-    edge = 2 * clearance
-    cube = Body.box((edge, edge, edge), (1, 1, 1))
+    cube = Body.box((2 * clearance, 2 * clearance, 2 * clearance), (1, 1, 1))
     level = torch.eye(3).expand_as(poses.rotation)
     still = torch.zeros_like(poses.position)
     return ~ground(scene).touches(cube, RigidState(poses.position, still, level, still))
@@ -72,8 +71,8 @@ def is_free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:
 
 def share_seen(renderer: MeshRenderer, poses: Pose, config: CaptureConfig) -> Float[Tensor, " n"]:
     """Share of each picture that is not sky, from a coarse picture."""
-    camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
-    camera = camera.scaled(min(1.0, _COARSE / config.width))
+    full = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
+    camera = full.scaled(min(1.0, _COARSE / config.width))
     shares = [renderer.render(camera, poses[k]).depth.isfinite().float().mean() for k in range(len(poses.position))]
     return torch.stack(shares) if shares else torch.zeros(0)
 
@@ -94,7 +93,6 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
     if config.images < 1:
         raise InvalidInputError(f"a capture needs at least 1 image, not {config.images}")
     share = 1.0 if scene.vantage is Vantage.INSIDE else config.inside_share  # walls hide the inside from outside
-    inside = round(config.images * share)
     renderer, caster = MeshRenderer(scene), RayCaster(scene.mesh)
 
     def pick(count: int, propose: Callable[[int], Pose]) -> Pose:
@@ -110,7 +108,9 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
             kept.append(free[share_seen(renderer, free, config) >= config.seen_share])
         return Pose.cat(kept)[:count]
 
-    poses = pick(inside, lambda count: _within(scene.box, config.flight_band, count, generator))
+    poses = pick(
+        round(config.images * share), lambda count: _within(scene.box, config.flight_band, count, generator)
+    )
     if scene.vantage is not Vantage.INSIDE:  # where little of the box is free, more look in from around it
         missing = config.images - len(poses.position)
         poses = Pose.cat([poses, pick(missing, lambda count: _around(scene.box, count, generator))])

@@ -28,13 +28,11 @@ class ContactConfig:
     """Largest angle between neighbouring poses [rad]."""
 
 
-def interpolate_poses(states: RigidState, config: ContactConfig | None = None) -> RigidState:
-    """The states of a motion, batch shape (n + 1,), and enough between them: straight lines, steady turns."""
-    return interpolated(states, config or ContactConfig())[0]
+def interpolate_poses(states: RigidState, config: ContactConfig) -> tuple[RigidState, Int[Tensor, " k"]]:
+    """The states of a motion, batch shape (n + 1,), and enough between them: straight lines, steady turns.
 
-
-def interpolated(states: RigidState, config: ContactConfig) -> tuple[RigidState, Int[Tensor, " k"]]:
-    """The dense states, and where among them the given ones stand."""
+    Returned with the indices at which the given states stand among these.
+    """
     before, after = states[:-1], states[1:]
     turn = so3.local(before.rotation, after.rotation)
     way = (after.position - before.position).norm(dim=-1)
@@ -87,22 +85,18 @@ def judge(scene: Scene, body: Body, states: RigidState, config: ContactConfig | 
     Raises InvalidInputError for states that are not finite, which have no pose to judge.
     """
     states = states.detach()
-    _require_finite(states)
-    poses, starts = interpolated(states, config or ContactConfig())
-    touched = ground(scene).touches(body, poses)
-    overlap = torch.zeros(len(touched), dtype=torch.float64)
-    overlap[touched] = ground(scene).overlaps(body, poses[touched])
-    so_far = torch.cat([torch.zeros(1, dtype=torch.long), touched.long().cumsum(0)])
-    return ContactReport(poses, touched, overlap, so_far[starts[1:] + 1] > so_far[starts[:-1]])
-
-
-def _require_finite(states: RigidState) -> None:
     wrong = ~(states.position.isfinite().all(-1) & states.rotation.isfinite().all(-1).all(-1))
     if wrong.any():
         raise InvalidInputError(
             f"a motion is judged on states of finite numbers, and {int(wrong.sum())} of {len(wrong)} are not: the "
             f"first is state {int(wrong.nonzero()[0, 0])}"
         )
+    poses, starts = interpolate_poses(states, config or ContactConfig())
+    touched = ground(scene).touches(body, poses)
+    overlap = torch.zeros(len(touched), dtype=torch.float64)
+    overlap[touched] = ground(scene).overlaps(body, poses[touched])
+    so_far = torch.cat([torch.zeros(1, dtype=torch.long), touched.long().cumsum(0)])
+    return ContactReport(poses, touched, overlap, so_far[starts[1:] + 1] > so_far[starts[:-1]])
 
 
 def contact_check(
@@ -112,7 +106,7 @@ def contact_check(
     solids, config = ground(scene), config or ContactConfig()
 
     def touched(before: RigidState, after: RigidState) -> bool:
-        between = interpolate_poses(RigidState.stack([before.detach(), after.detach()]), config)
+        between, _ = interpolate_poses(RigidState.stack([before.detach(), after.detach()]), config)
         return bool(solids.touches(body, between).any())
 
     return touched

@@ -82,11 +82,10 @@ class MeshRenderer:
         """
         if supersample < 1:
             raise InvalidInputError(f"supersample must be 1 or more, not {supersample}")
-        mesh = source.mesh if isinstance(source, Scene) else source
+        self._mesh = source.mesh if isinstance(source, Scene) else source
         self._sky = np.array(source.sky if isinstance(source, Scene) else sky, np.float32) * 255
-        self._mesh = mesh
         paint = source.paint if isinstance(source, Scene) else None
-        self._color = surface_color(mesh) if paint is None else paint.color
+        self._color = surface_color(self._mesh) if paint is None else paint.color
         self._supersample = supersample
 
     def render(self, camera: Camera, pose: Pose) -> Picture:

@@ -40,7 +40,8 @@ def filter_vantage(mesh: RayCaster, points: Float[Tensor, "n 3"], vantage: Vanta
         return torch.ones(len(points), dtype=torch.bool)
     if vantage is Vantage.INSIDE:
         return _shares(mesh, points, _level_ways()) >= _IN_ROOM
-    return _shares(mesh, points, _upward_ways()) <= 1 - _SKY
+    upwards = fibonacci_directions(1 - (torch.arange(_UPWARDS) + 0.5) / _UPWARDS).numpy()
+    return _shares(mesh, points, upwards) <= 1 - _SKY
 
 
 def guess_vantage(mesh: trimesh.Trimesh, box: Box) -> Vantage:
@@ -66,7 +67,3 @@ def _level_ways() -> Float[np.ndarray, "k 3"]:
     turn = np.arange(_AROUND) * 2 * math.pi / _AROUND
     flat = np.stack([np.cos(turn), np.sin(turn), np.zeros(_AROUND)], -1)
     return np.concatenate([math.sqrt(1 - z * z) * flat + [0, 0, z] for z in _ELEVATIONS]).astype(np.float32)
-
-
-def _upward_ways() -> Float[np.ndarray, "k 3"]:
-    return fibonacci_directions(1 - (torch.arange(_UPWARDS) + 0.5) / _UPWARDS).numpy()

@@ -19,8 +19,7 @@ from nerfnav.experiments.reflight import Setpoint, Track, fly_crazyflie, fly_qui
 from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros_bags import mcap, rosbag2
-from nerfnav.importers.captures.depths import stored_depth
-from nerfnav.importers.captures.views import DepthFile
+from nerfnav.importers.captures.depths import stored_map
 from nerfnav.importers.meshes.files import read_mesh
 from nerfnav.planner.baselines.rrt import require_ompl
 from nerfnav.robots.quadrotor import Quadrotor
@@ -48,7 +47,7 @@ def draco(folder: Path) -> None:
 
 def depth(name: str, folder: Path) -> None:
     (folder / name).write_bytes(b"packed")
-    stored_depth(DepthFile(folder / name, size=(1, 1)))
+    stored_map(folder / name, (1, 1), np.float32)
 
 
 HOVER = Track(lambda _: Setpoint(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0), 0.1)

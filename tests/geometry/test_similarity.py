@@ -19,7 +19,7 @@ def test_what_is_taken_back_is_where_it_was() -> None:
     points = torch.randn(50, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     change = some()
     torch.testing.assert_close(change.inverted()(change(points)), points)
-    assert Similarity.identity().is_identity and not change.is_identity
+    assert torch.equal(Similarity.identity()(points), points) and not torch.allclose(change(points), points)
 
 
 def test_distances_grow_by_the_scale() -> None:

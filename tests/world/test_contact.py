@@ -11,7 +11,7 @@ from nerfnav.geometry.box import Box
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from nerfnav.world.collision import Ground
-from nerfnav.world.contact import contact_check, interpolate_poses, judge
+from nerfnav.world.contact import ContactConfig, contact_check, interpolate_poses, judge
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import winding_number
 from nerfnav.world.triangle_index import boxes_touch_triangles
@@ -77,7 +77,7 @@ def test_poses_along_a_way_touch_what_each_alone_touches():
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.12)
     ground = Ground(_scene(ball, _cube(0.1, (0.3, 0.1, 0.0)), _cube(2.0, (0.0, 0.0, -1.1))))
     ends = _states((-0.5, -0.1, 0.13), (0.5, 0.1, 0.05), (0.5, 0.3, -0.05), (-0.4, 0.0, 0.1))
-    poses = interpolate_poses(ends)
+    poses, _ = interpolate_poses(ends, ContactConfig())
     together = ground.touches(_BODY, poses)
     alone = torch.cat([ground.touches(_BODY, poses[k : k + 1]) for k in range(len(together))])
     assert 100 < together.sum() < len(together) - 100
@@ -122,7 +122,7 @@ def test_interpolated_poses_are_dense_in_place_and_attitude_and_keep_the_given_s
             RigidState.at_rest((0.1, 0.0, 0.0), yaw=1.0),
         ]
     )
-    poses = interpolate_poses(states)
+    poses, _ = interpolate_poses(states, ContactConfig())
     assert len(poses.position) == 20 + 50 + 1
     assert poses.position.diff(dim=0).norm(dim=-1).max() < 0.005 + 1e-6
     assert so3.local(poses[:-1].rotation, poses[1:].rotation).norm(dim=-1).max() < 0.02 + 1e-5

@@ -34,10 +34,19 @@ _DEPTH = 3
 def unpack_capture(archive: Path, into: Path) -> Path:
     """Unpack an archive into the folder `into`, and return the folder of the capture in it.
 
-    Raises CaptureError as `extract` does, and where the archive holds no capture.
+    It is the uppermost folder that is one. Raises CaptureError as `extract` does, and where the archive holds none.
     """
     extract(archive, into)
-    return _capture_in(into, archive)
+    level = [into]
+    for _ in range(_DEPTH):
+        for candidate in level:
+            if is_capture(candidate):
+                return candidate
+        level = sorted(child for parent in level for child in parent.iterdir() if child.is_dir())
+    raise CaptureError(
+        f"{archive} holds no capture: there is no transforms.json, no transforms_train.json, no COLMAP model and no "
+        "export of Polycam, Record3D or 3D Scanner App in it"
+    )
 
 
 def list_names(archive: Path) -> list[str]:
@@ -70,11 +79,10 @@ def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -
         path = PurePosixPath(entry.filename.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or ":" in path.parts[0]:
             raise CaptureError(f"{archive} names a file outside of its own folder: {entry.filename}")
-    paths = {entry.filename: PurePosixPath(entry.filename) for entry in entries}
     wanted = [
         entry
         for entry in entries
-        if paths[entry.filename].suffix.lower() in endings or paths[entry.filename].name in _NAMED
+        if PurePosixPath(entry.filename).suffix.lower() in endings or PurePosixPath(entry.filename).name in _NAMED
     ]
     total = sum(entry.file_size for entry in wanted)
     if len(wanted) > MOST_FILES or total > MOST_BYTES:
@@ -85,17 +93,3 @@ def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -
     if total > _FREE_BYTES + MOST_SWELLING * archive.stat().st_size:
         raise CaptureError(f"{archive} would swell to {total >> 20} MB, which no photographs do: it is not unpacked")
     return wanted
-
-
-def _capture_in(folder: Path, archive: Path) -> Path:
-    """The uppermost folder that is a capture."""
-    level = [folder]
-    for _ in range(_DEPTH):
-        for candidate in level:
-            if is_capture(candidate):
-                return candidate
-        level = sorted(child for parent in level for child in parent.iterdir() if child.is_dir())
-    raise CaptureError(
-        f"{archive} holds no capture: there is no transforms.json, no transforms_train.json, no COLMAP model and no "
-        "export of Polycam, Record3D or 3D Scanner App in it"
-    )

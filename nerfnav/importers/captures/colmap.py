@@ -64,8 +64,7 @@ def _binary_points(path: Path) -> Iterator[_Point]:
         data.skip(8)  # the point's own number
         position = data.numbers("3d")
         data.skip(3)  # its colour
-        (error,) = data.numbers("d")
-        yield _Point(position, error, tuple(map(int, data.numbers(f"{2 * data.integer('Q')}i")[::2])))
+        yield _Point(position, data.numbers("d")[0], tuple(map(int, data.numbers(f"{2 * data.integer('Q')}i")[::2])))
 
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
@@ -84,17 +83,14 @@ class _Image:
     translation: tuple[float, ...]
 
 
-def model_folder(folder: Path) -> Path | None:
-    """The folder in which a capture's model lies; None where there is none."""
-    found = (folder / name for name in MODEL_FOLDERS if _has_model(folder / name))
-    return next(found, None)
+def find_colmap(folder: Path) -> tuple[Path, Path] | None:
+    """The folder of a capture and that of its model; None where it has none."""
+    return next(((folder, folder / name) for name in MODEL_FOLDERS if _has_model(folder / name)), None)
 
 
-def read_colmap(folder: Path) -> Views:
-    """Read the COLMAP model in a capture's folder. Raises CaptureError where it cannot be used."""
-    model = model_folder(folder)
-    if model is None:
-        raise CaptureError(f"{folder} has no COLMAP model")
+def read_colmap(folders: tuple[Path, Path]) -> Views:
+    """Read the COLMAP model that `find_colmap` has found. Raises CaptureError where it cannot be used."""
+    folder, model = folders
     try:
         cameras = colmap_cameras(model / ("cameras.bin" if _is_binary(model) else "cameras.txt"))
         lenses = {camera.number: _lens(camera) for camera in cameras}
@@ -161,8 +157,7 @@ def _pose(image: _Image) -> np.ndarray:
 
 
 def _lens(camera: ColmapCamera) -> Lens:
-    lens = Lens.measured(camera.size, camera.focal, camera.center, *camera.distortion)
-    return lens.as_fisheye() if camera.fisheye else lens
+    return Lens.measured(camera.size, camera.focal, camera.center, *camera.distortion, fisheye=camera.fisheye)
 
 
 def _text_images(path: Path) -> Iterator[_Image]:
@@ -172,10 +167,9 @@ def _text_images(path: Path) -> Iterator[_Image]:
         if not line.strip() or line.startswith("#"):
             continue
         try:
-            number, qw, qx, qy, qz, tx, ty, tz, camera, name = line.strip().split(maxsplit=9)
-            quaternion, translation = (qw, qx, qy, qz), (tx, ty, tz)
-            pose = tuple(map(float, quaternion)), tuple(map(float, translation))
-            yield _Image(int(number), name, int(camera), *pose)
+            number, *words, camera, name = line.strip().split(maxsplit=9)
+            qw, qx, qy, qz, tx, ty, tz = map(float, words)
+            yield _Image(int(number), name, int(camera), (qw, qx, qy, qz), (tx, ty, tz))
         except ValueError as error:
             raise CaptureError(f"{path} has a line that describes no image: {line[:60]!r}") from error
         next(lines, None)

@@ -20,7 +20,7 @@ from torch import Tensor
 from nerfnav.core.extras import import_extra
 from nerfnav.geometry import Camera
 from nerfnav.importers.captures.pictures import Picture, undistortion
-from nerfnav.importers.captures.views import CaptureError, DepthFile, View
+from nerfnav.importers.captures.views import ASPECT, CaptureError, DepthFile, View
 
 _EXTRA = "depth"
 _USER = "the depth of this capture (--depth off learns from its pictures alone)"
@@ -30,21 +30,12 @@ _MOST_PACKED = 16 << 20
 """Bytes of the largest compressed map: what it swells to is only known afterwards."""
 
 
-def stored_depth(file: DepthFile) -> np.ndarray | None:
-    """Read the stored numbers of a depth file; None where it is no whole file of a known kind.
+def stored_map(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarray | None:
+    """Read the stored numbers of a map of depths or confidence; None where it is no whole file of a known kind.
 
-    Raises CaptureError for a map of another size than its metadata give, and MissingExtraError for a kind that an extra
-    reads.
+    `size` (width, height) and `kind`, the type of its numbers, are for files without a header. Raises CaptureError for
+    a map of another size than its metadata give, and MissingExtraError for a kind that an extra reads.
     """
-    return _stored(file.path, file.size, np.float32)
-
-
-def stored_confidence(file: DepthFile) -> np.ndarray | None:
-    """Read the stored confidence of a depth file: 0 is unsure; None where there is none or it cannot be read."""
-    return None if file.confidence is None else _stored(file.confidence, file.size, np.uint8)
-
-
-def _stored(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarray | None:
     try:
         if not path.is_file():
             return None
@@ -94,15 +85,13 @@ def _exr(path: Path) -> np.ndarray | None:
 
 NOISE = 0.01
 """Share by which the depths of sensors may be wrong: 2 to 3 cm at 3 m."""
-_ASPECT = 0.02
-"""Largest relative difference of the aspect ratios of a depth map and its picture."""
 _NEAREST, _FARTHEST = 0.02, 500.0
 """Median depth, in what the cameras are apart, beyond which the unit of depths must be another one."""
 
 
 def read_depth(file: DepthFile) -> Float[np.ndarray, "h w"]:
     """Read depths along the optical axis, in the capture's units. Raises CaptureError for files that hold none."""
-    stored = stored_depth(file)
+    stored = stored_map(file.path, file.size, np.float32)
     if stored is None or stored.ndim != 2 or stored.dtype == np.uint8:
         raise CaptureError(
             f"{file.path} is no readable depth map: one channel of 16-bit or floating-point numbers is needed, "
@@ -120,7 +109,7 @@ def _trusted(file: DepthFile, shape: tuple[int, ...]) -> np.ndarray:
     """Mask of trusted depths. Raises CaptureError for a confidence map that does not fit its depth map."""
     if file.confidence is None:
         return np.ones(shape, bool)
-    levels = stored_confidence(file)
+    levels = stored_map(file.confidence, file.size, np.uint8)
     if levels is None or levels.shape != shape:
         wrong = "cannot be read" if levels is None else f"has {levels.shape[1]} x {levels.shape[0]} pixels"
         raise CaptureError(
@@ -135,30 +124,25 @@ def convert_to_ray_depths(
 ) -> Float[np.ndarray, "h w"]:
     """Convert the depth map of a picture to distances along the rays of `camera`.
 
-    Raises CaptureError where the map has another shape than its picture.
+    They are those of `camera` at the map's own resolution. Raises CaptureError where the map has another shape than
+    its picture.
     """
     height, width = depth.shape
     own = picture.camera
     path = None if view.depth is None else view.depth.path
-    if abs(width / height * own.height / own.width - 1) > _ASPECT + 1 / min(width, height):
+    if abs(width / height * own.height / own.width - 1) > ASPECT + 1 / min(width, height):
         raise CaptureError(
             f"the depth map {path} of {width} x {height} pixels has another shape than its picture {view.name}: "
             "depth must be registered to the colours"
         )
-    fine = depth_camera(camera, own, (width, height))
+    fine = camera.resized(
+        max(1, round(camera.width * width / own.width)), max(1, round(camera.height * height / own.height))
+    )
     if picture.distortion or own.resized(width, height) != fine:
         maps = undistortion(own.resized(width, height), picture.distortion, fine)
         depth = cv2.remap(depth, *maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     ahead = -fine.directions(fine.pixels())[:, 2].reshape(fine.height, fine.width).numpy()
     return depth / ahead
-
-
-def depth_camera(camera: Camera, own: Camera, size: tuple[int, int]) -> Camera:
-    """Camera of depth maps: `camera` at the resolution `size` (width, height) of the maps of pictures of camera
-    `own`."""
-    return camera.resized(
-        max(1, round(camera.width * size[0] / own.width)), max(1, round(camera.height * size[1] / own.height))
-    )
 
 
 def require_units(depths: Float[Tensor, "n h w"], centers: Float[np.ndarray, "n 3"]) -> None:

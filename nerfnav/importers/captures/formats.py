@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from nerfnav.importers.captures import colmap, nerfstudio_run, phones, transforms
 from nerfnav.importers.captures.views import CaptureError, Views
@@ -12,19 +13,19 @@ from nerfnav.importers.captures.views import CaptureError, Views
 class CaptureFormat:
     """Format of capture folders."""
 
-    matches: Callable[[Path], bool]
-    """Detects a folder of the format."""
-    read: Callable[[Path], Views]
-    """Reads such a folder."""
+    find: Callable[[Path], Any]
+    """Finds the files or folders of such a capture in a folder; None, or none of them, in one of another format."""
+    read: Callable[[Any], Views]
+    """Reads what was found."""
 
 
 FORMATS = (
-    CaptureFormat(transforms.is_transforms, transforms.read_transforms),
-    CaptureFormat(transforms.is_blender, transforms.read_blender),
-    CaptureFormat(lambda folder: colmap.model_folder(folder) is not None, colmap.read_colmap),
-    CaptureFormat(phones.is_polycam, phones.read_polycam),
-    CaptureFormat(phones.is_record3d, phones.read_record3d),
-    CaptureFormat(phones.is_scanner, phones.read_scanner),
+    CaptureFormat(transforms.find_transforms, transforms.read_transforms),
+    CaptureFormat(transforms.find_blender, transforms.read_blender),
+    CaptureFormat(colmap.find_colmap, colmap.read_colmap),
+    CaptureFormat(phones.find_polycam, phones.read_polycam),
+    CaptureFormat(phones.find_record3d, phones.read_record3d),
+    CaptureFormat(phones.find_scanner, phones.read_scanner),
 )
 """Formats of capture folders; the first that matches reads the folder."""
 
@@ -33,7 +34,7 @@ def is_capture(path: Path) -> bool:
     """True for a folder that holds a capture of any format, and for the configuration file of a nerfstudio run."""
     if path.is_file():
         return path.name == nerfstudio_run.CONFIG and nerfstudio_run.is_run(path)
-    return nerfstudio_run.is_run(path) or any(form.matches(path) for form in FORMATS)
+    return nerfstudio_run.is_run(path) or any(form.find(path) for form in FORMATS)
 
 
 def read_views(path: Path) -> Views:
@@ -47,8 +48,8 @@ def read_views(path: Path) -> Views:
     if path.is_file():
         return transforms.read_transforms(path)
     for form in FORMATS:
-        if form.matches(path):
-            return form.read(path)
+        if found := form.find(path):
+            return form.read(found)
     raise CaptureError(
         f"{path} is no capture: there is no transforms.json (nerfstudio, instant-ngp), no transforms_train.json "
         f"(Blender), no cameras and images, .bin or .txt, in {' or '.join(colmap.MODEL_FOLDERS)} (COLMAP), no "

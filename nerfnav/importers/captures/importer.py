@@ -53,10 +53,9 @@ def require_enough(found: Views, views: list[View]) -> None:
             f"the first that is not is {missing.name}"
         )
     if used < LEAST_IMAGES:
-        plural = "s" * (used != 1)
         raise CaptureError(
-            f"a capture of {used} photograph{plural} is too small to learn depth: at least {LEAST_IMAGES} from "
-            "different places are needed"
+            f"a capture of {used} photograph{'s' * (used != 1)} is too small to learn depth: at least {LEAST_IMAGES} "
+            "from different places are needed"
         )
 
 
@@ -94,8 +93,9 @@ def resample_pictures(shots: list[Picture], poses: np.ndarray) -> PosedImages:
     shots.clear()
     world = torch.from_numpy(poses.astype(np.float32))
     pose = Pose(world[:, :3, :3].contiguous(), world[:, :3, 3].contiguous())
-    silhouettes = None if opaque is None else torch.from_numpy(opaque)
-    return PosedImages(torch.from_numpy(images), camera, pose, silhouettes=silhouettes)
+    return PosedImages(
+        torch.from_numpy(images), camera, pose, silhouettes=None if opaque is None else torch.from_numpy(opaque)
+    )
 
 
 def split_held_out(photographs: PosedImages, test: list[bool], every: int) -> tuple[PosedImages, PosedImages]:
@@ -106,8 +106,7 @@ def split_held_out(photographs: PosedImages, test: list[bool], every: int) -> tu
     learned = sorted(set(range(count)) - set(kept))
     if len(learned) < LEAST_IMAGES - 1:
         raise CaptureError(f"only {len(learned)} photographs are left to learn from when {len(kept)} are held out")
-    judged = kept[:: -(-len(kept) // _MOST_HELD_OUT)]
-    return photographs.subset(learned), photographs.subset(judged)
+    return photographs.subset(learned), photographs.subset(kept[:: -(-len(kept) // _MOST_HELD_OUT)])
 
 
 LONGEST = 640
@@ -183,8 +182,7 @@ def _sightings(tracks: Tracks, views: list[View], world: CameraWorld) -> Sightin
 def _box(photographs: PosedImages, world: CameraWorld, placement: Placement) -> tuple[Box, tuple[str, ...]]:
     """The box of the field, and what was guessed of it."""
     if placement.box is not None:
-        lower, upper = (torch.from_numpy(np.array(corner) - world.origin).float() for corner in placement.box)
-        return Box(lower, upper), ()
+        return Box.of(*(np.array(corner) - world.origin for corner in placement.box)), ()
     box, why = guess_box(photographs, world.poses)
     return box, (f"box: {box.describe()}, around {why}",)
 
@@ -213,7 +211,10 @@ def import_capture(source: Path, config: ImportConfig) -> Generator[ImportStep, 
         pixels = pictures.read_pixels(view.path, view.lens) if view.exists else None
         if pixels is not None:
             downscale = downscale or max(1, -(-max(pixels.shape[:2]) // LONGEST))
-            picture = _shrunk(view, pixels, downscale)
+            try:
+                picture = pictures.shrink_picture(pixels, view.lens, downscale)
+            except CaptureError as error:
+                raise CaptureError(f"{view.name}: {error}") from error
             depth = depths.read_depth(view.depth) if config.depth and view.depth is not None else None
             read.views.append(view)
             read.pictures.append(picture)
@@ -227,10 +228,3 @@ def import_capture(source: Path, config: ImportConfig) -> Generator[ImportStep, 
     capture = assemble_capture(found, read, config, downscale or 1)
     yield ImportStep(doing, 1.0)
     return capture
-
-
-def _shrunk(view: View, pixels: np.ndarray, downscale: int) -> Picture:
-    try:
-        return pictures.shrink_picture(pixels, view.lens, downscale)
-    except CaptureError as error:
-        raise CaptureError(f"{view.name}: {error}") from error

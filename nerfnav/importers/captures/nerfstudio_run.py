@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from nerfnav.importers.captures.views import LARGEST, CaptureError, Views, read_json
+from nerfnav.importers.captures.views import LARGEST, CaptureError, Views, array_of, read_json
 
 CONFIG, TRANSFORMS = "config.yml", "dataparser_transforms.json"
 _PARENTS = 5
@@ -52,13 +52,11 @@ class Run:
 
 def is_run(path: Path) -> bool:
     """True for a run folder or its config.yml; other programs have files of this name, too."""
-    config = _config(path)
     try:
-        with config.open("rb") as file:
-            head = file.read(1 << 16)
+        with _config(path).open("rb") as file:
+            return b"python/object:nerfstudio" in file.read(1 << 16)
     except OSError:
         return False
-    return b"python/object:nerfstudio" in head
 
 
 def read_run(path: Path) -> Run:
@@ -68,9 +66,8 @@ def read_run(path: Path) -> Run:
         content = yaml.load(config.read_text(encoding="utf-8", errors="replace"), Loader=_Plain)
     except (yaml.YAMLError, OSError, RecursionError, ValueError, TypeError) as error:
         raise CaptureError(f"{config} is cut off or no configuration of nerfstudio") from error
-    data = _found(config, _named(content))
     transforms = config.parent / TRANSFORMS
-    return Run(data, _matrix(transforms) if transforms.is_file() else np.eye(4))
+    return Run(_found(config, _named(content)), _matrix(transforms) if transforms.is_file() else np.eye(4))
 
 
 def transform_to_run(views: Views, run: Run) -> Views:
@@ -124,10 +121,7 @@ def _is_data(path: Path, run: Path) -> bool:
 
 def _matrix(file: Path) -> np.ndarray:
     """T of the dataparser as a 4 x 4 matrix."""
-    try:
-        rows = np.array(read_json(file)["transform"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError, OverflowError):
-        rows = np.zeros(0)
+    rows = array_of(read_json(file).get("transform"))
     whole = rows.shape in ((3, 4), (4, 4)) and bool((np.abs(rows) < LARGEST).all())
     if not whole or np.abs(rows[:3, :3] @ rows[:3, :3].T - np.eye(3)).max() > 1e-3:
         raise CaptureError(f"{file} has no rigid transform of 3 x 4 numbers: it is cut off, or of another program")

@@ -32,7 +32,17 @@ from PIL import Image
 
 from nerfnav.geometry import so3
 from nerfnav.importers.captures.transforms import image_path
-from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, read_json, rigid_pose
+from nerfnav.importers.captures.views import (
+    LARGEST,
+    CaptureError,
+    DepthFile,
+    Lens,
+    View,
+    Views,
+    array_of,
+    read_json,
+    rigid_pose,
+)
 
 _RANGE = 5.0
 """Range of the LiDAR [m]."""
@@ -45,32 +55,22 @@ def _lidar_depth(path: Path, confidence: Path | None, unit: float = 0.001) -> De
     return DepthFile(path, unit, confidence if confidence is not None and confidence.is_file() else None, _RANGE)
 
 
-_KEYFRAMES = "keyframes"
 _PAIRS = (("corrected_cameras", "corrected_images"), ("cameras", "images"))
 
 
-def is_polycam(folder: Path) -> bool:
-    """True for a folder that is such an export, or its keyframes."""
-    return _polycam_folders(folder) is not None
-
-
-def read_polycam(folder: Path) -> Views:
-    """Read an export of Polycam. Raises CaptureError where it is cut off or unusable."""
-    parts = _polycam_folders(folder)
-    if parts is None:
-        raise CaptureError(f"{folder} has no {_KEYFRAMES} of Polycam")
-    cameras, images = parts
-    views = tuple(_polycam_view(file, images) for file in sorted(cameras.glob("*.json")))
-    return Views("Polycam", views)
-
-
-def _polycam_folders(folder: Path) -> tuple[Path, Path] | None:
-    """The folders of cameras and of photographs."""
-    for root in (folder / _KEYFRAMES, folder):
+def find_polycam(folder: Path) -> tuple[Path, Path] | None:
+    """The folders of cameras and of photographs in such an export, or in its keyframes; None in another folder."""
+    for root in (folder / "keyframes", folder):
         for cameras, images in _PAIRS:
             if (root / images).is_dir() and next((root / cameras).glob("*.json"), None) is not None:
                 return root / cameras, root / images
     return None
+
+
+def read_polycam(folders: tuple[Path, Path]) -> Views:
+    """Read an export of Polycam. Raises CaptureError where it is cut off or unusable."""
+    cameras, images = folders
+    return Views("Polycam", tuple(_polycam_view(file, images) for file in sorted(cameras.glob("*.json"))))
 
 
 def _polycam_view(file: Path, images: Path) -> View:
@@ -93,16 +93,18 @@ _PICTURES = ("rgbd", "rgb")
 _ROOTS = (".", "EXR_RGBD")
 
 
-def is_record3d(folder: Path) -> bool:
-    """True for a folder that is an unpacked .r3d or an export."""
-    return _record3d_files(folder) is not None
+def find_record3d(folder: Path) -> tuple[Path, Path] | None:
+    """The metadata and the folder of photographs of an unpacked .r3d or an export; None in another folder."""
+    for root in _ROOTS:
+        for name in _METADATA:
+            for pictures in _PICTURES:
+                if (folder / root / name).is_file() and (folder / root / pictures).is_dir():
+                    return folder / root / name, folder / root / pictures
+    return None
 
 
-def read_record3d(folder: Path) -> Views:
+def read_record3d(parts: tuple[Path, Path]) -> Views:
     """Read a recording of Record3D. Raises CaptureError where it is cut off or unusable."""
-    parts = _record3d_files(folder)
-    if parts is None:
-        raise CaptureError(f"{folder} has no metadata of Record3D with pictures in rgbd/ or rgb/")
     metadata, pictures = parts
     content = read_json(metadata)
     poses, size = content.get("poses"), (content.get("w"), content.get("h"))
@@ -112,22 +114,9 @@ def read_record3d(folder: Path) -> Views:
     return Views("Record3D", views)
 
 
-def _record3d_files(folder: Path) -> tuple[Path, Path] | None:
-    """The metadata and the folder of photographs."""
-    for root in _ROOTS:
-        for name in _METADATA:
-            for pictures in _PICTURES:
-                if (folder / root / name).is_file() and (folder / root / pictures).is_dir():
-                    return folder / root / name, folder / root / pictures
-    return None
-
-
 def _record3d_view(index: int, pose: Any, content: dict[str, Any], metadata: Path, pictures: Path) -> View:
     where = f"frame {index} of {metadata}"
-    try:
-        numbers = np.array(pose, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0)
+    numbers = array_of(pose)
     if numbers.shape != (7,) or not (np.abs(numbers) < LARGEST).all() or np.linalg.norm(numbers[:4]) < 1e-6:
         raise CaptureError(f"{where} has no pose of seven finite numbers")
     x, y, z, w = numbers[:4]
@@ -161,20 +150,17 @@ def _record3d_lens(index: int, content: dict[str, Any], where: str) -> Lens:
     return Lens.measured((float(content["w"]), float(content["h"])), (fx, fy), (cx, cy))
 
 
-_FRAMES = "frame_*.json"
+def find_scanner(folder: Path) -> list[Path]:
+    """The frames of such an export; none in a folder without photographs of them."""
+    return sorted(folder.glob("frame_*.json")) if next(folder.glob("frame_*.jpg"), None) is not None else []
 
 
-def is_scanner(folder: Path) -> bool:
-    """True for a folder that is such an export."""
-    return next(folder.glob(_FRAMES), None) is not None and next(folder.glob("frame_*.jpg"), None) is not None
-
-
-def read_scanner(folder: Path) -> Views:
+def read_scanner(frames: list[Path]) -> Views:
     """Read an export of 3D Scanner App. Raises CaptureError where it is unusable."""
-    pairs = [(file, file.with_suffix(".jpg")) for file in sorted(folder.glob(_FRAMES))]
+    pairs = [(file, file.with_suffix(".jpg")) for file in frames]
     views = tuple(_scanner_view(file, photograph) for file, photograph in pairs if photograph.is_file())
     if not views:
-        raise CaptureError(f"{folder} has frames of 3D Scanner App, but none of them has a photograph")
+        raise CaptureError(f"{frames[0].parent} has frames of 3D Scanner App, but none of them has a photograph")
     return Views("3D Scanner App", views)
 
 

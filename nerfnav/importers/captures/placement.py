@@ -107,7 +107,7 @@ def box_of_cameras(poses: np.ndarray) -> Box:
     points = np.concatenate([centers, ahead, np.reshape(around, (-1, 3))])
     lower, upper = points.min(0), points.max(0)
     margin = np.maximum(0.05 * (upper - lower), 0.02 * (upper - lower).max())
-    return _box(lower - margin, upper + margin)
+    return Box.of(lower - margin, upper + margin)
 
 
 def box_of_points(points: Float[np.ndarray, "m 3"], poses: Float[np.ndarray, "n 4 4"]) -> Box:
@@ -115,15 +115,14 @@ def box_of_points(points: Float[np.ndarray, "m 3"], poses: Float[np.ndarray, "n 
     lower, upper = np.quantile(points, (_ASTRAY, 1 - _ASTRAY), axis=0)
     lower, upper = np.minimum(lower, poses[:, :3, 3].min(0)), np.maximum(upper, poses[:, :3, 3].max(0))
     margin = _AROUND * (upper - lower).max()
-    return _box(lower - margin, upper + margin)
+    return Box.of(lower - margin, upper + margin)
 
 
-def box_of_silhouettes(photographs: PosedImages, around: Box) -> Box | None:
-    """The box of all points in `around` that every photograph which sees them shows as opaque; None where none is.
+def box_of_silhouettes(photographs: PosedImages, box: Box) -> Box | None:
+    """The box of all points in `box` that every photograph which sees them shows as opaque; None where none is.
 
-    A coarse visual hull: first in `around`, then once more, finer, in what it left.
+    A coarse visual hull: first in `box`, then once more, finer, in what it left.
     """
-    box = around
     for _ in range(2):
         points = node_positions(box, (_NODES, _NODES, _NODES)).reshape(-1, 3)
         clear, seen = count_outside_silhouettes(photographs, points)
@@ -133,10 +132,6 @@ def box_of_silhouettes(photographs: PosedImages, around: Box) -> Box | None:
         margin = _HULL_MARGIN * box.size / (_NODES - 1)
         box = Box(inside.amin(0) - margin, inside.amax(0) + margin)
     return box
-
-
-def _box(lower: np.ndarray, upper: np.ndarray) -> Box:
-    return Box(torch.from_numpy(lower.astype(np.float32)), torch.from_numpy(upper.astype(np.float32)))
 
 
 _ENOUGH = 50

@@ -11,7 +11,17 @@ from typing import Any
 import numpy as np
 
 from nerfnav.importers.captures.colmap import read_tracks_beside
-from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, read_json, rigid_pose
+from nerfnav.importers.captures.views import (
+    LARGEST,
+    CaptureError,
+    DepthFile,
+    Lens,
+    View,
+    Views,
+    array_of,
+    read_json,
+    rigid_pose,
+)
 
 SPLITS = ("train", "val", "test")
 """Blender's files are called transforms_{split}.json."""
@@ -21,29 +31,31 @@ _FISHEYES = ("OPENCV_FISHEYE", "KANNALA_BRANDT", "EQUIDISTANT")
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
-def is_transforms(folder: Path) -> bool:
-    """True for a folder with a transforms.json."""
-    return (folder / "transforms.json").is_file()
+def find_transforms(folder: Path) -> Path | None:
+    """The transforms.json of a folder; None where it has none."""
+    path = folder / "transforms.json"
+    return path if path.is_file() else None
 
 
-def is_blender(folder: Path) -> bool:
-    """True for a folder with a file for any of Blender's splits."""
-    return any((folder / f"transforms_{split}.json").is_file() for split in SPLITS)
+def find_blender(folder: Path) -> dict[str, Path]:
+    """The files in a folder for Blender's splits, by the name of their split."""
+    files = {split: folder / f"transforms_{split}.json" for split in SPLITS}
+    return {split: file for split, file in files.items() if file.is_file()}
 
 
 def read_transforms(path: Path) -> Views:
-    """Read a transforms.json, or that of a folder. Raises CaptureError where it is unusable."""
-    path = path / "transforms.json" if path.is_dir() else path
+    """Read a transforms.json. Raises CaptureError where it is unusable."""
     views = _views(path)
     return Views("transforms.json", views, read_tracks_beside(path.parent, views))
 
 
-def read_blender(folder: Path) -> Views:
+def read_blender(files: dict[str, Path]) -> Views:
     """Read transforms_{train,val,test}.json; beside a training split the others are held out."""
-    found = [split for split in SPLITS if (folder / f"transforms_{split}.json").is_file()]
-    views: list[View] = []
-    for split in found:
-        views += _views(folder / f"transforms_{split}.json", test="train" in found and split != "train")
+    views = (
+        view
+        for split, file in files.items()
+        for view in _views(file, test="train" in files and split != "train")
+    )
     return Views("Blender", tuple(views))
 
 
@@ -75,8 +87,7 @@ def _views(path: Path, test: bool = False) -> tuple[View, ...]:
 def image_path(folder: Path, name: str) -> Path:
     """Path of a photograph that is named with or without its ending; as named where it does not exist."""
     named = folder / name
-    found = (f"{named}{suffix}" for suffix in _SUFFIXES if os.path.isfile(f"{named}{suffix}"))
-    return Path(next(found, named))
+    return Path(next((f"{named}{end}" for end in _SUFFIXES if os.path.isfile(f"{named}{end}")), named))
 
 
 def _depth(entries: dict[str, Any], folder: Path, where: str) -> DepthFile | None:
@@ -104,8 +115,7 @@ def _lens(entries: dict[str, Any], where: str) -> Lens:
     if fx is not None and width is not None and height is not None:
         fy, cx, cy = numbers["fl_y"], numbers["cx"], numbers["cy"]
         center = (width / 2 if cx is None else cx, height / 2 if cy is None else cy)
-        lens = Lens.measured((width, height), (fx, fx if fy is None else fy), center, *distortion)
-        return lens.as_fisheye() if fisheye else lens
+        return Lens.measured((width, height), (fx, fx if fy is None else fy), center, *distortion, fisheye=fisheye)
     if fisheye:
         raise CaptureError(f"{where} is a fisheye's, and has no intrinsics: fl_x with w and h is needed")
     angle = numbers["camera_angle_x"]
@@ -129,10 +139,7 @@ def _undone(applied: Any, path: Path) -> np.ndarray | None:
     """Inverse of the applied transform, back to the world of the capture; None where there is none."""
     if applied is None:
         return None
-    try:
-        matrix = np.vstack([np.array(applied, dtype=np.float64)[:3], [0.0, 0.0, 0.0, 1.0]])
-    except (TypeError, ValueError, OverflowError):
-        matrix = np.zeros((4, 4))
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) <= 1e-12:
+    rows = np.atleast_2d(array_of(applied))[:3]
+    if rows.shape != (3, 4) or not np.isfinite(rows).all() or np.linalg.det(rows[:, :3]) <= 1e-12:
         raise CaptureError(f"applied_transform of {path} is no transform: it must be 3 x 4 numbers, not singular")
-    return np.linalg.inv(matrix)
+    return np.linalg.inv(np.vstack([rows, [0.0, 0.0, 0.0, 1.0]]))

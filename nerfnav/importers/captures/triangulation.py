@@ -56,10 +56,8 @@ def triangulate_points(photographs: PosedImages, config: TriangulationConfig | N
     index = np.unique(np.linspace(0, len(photographs) - 1, min(config.pictures, len(photographs))).astype(int))
     seen = [_features(photographs, int(one), config.features) for one in index]
     poses = photographs.poses[torch.from_numpy(index)]
-    forward = -poses.rotation[..., 2].numpy()
-    pairs = _pairs(poses.position.numpy(), forward, config)
-    pixel = 1.0 / photographs.camera.fx
-    found = [_met(seen[i], seen[j], pixel, config) for i, j in pairs]
+    pairs = _pairs(poses.position.numpy(), -poses.rotation[..., 2].numpy(), config)
+    found = [_met(seen[i], seen[j], 1.0 / photographs.camera.fx, config) for i, j in pairs]
     points = np.concatenate([np.zeros((0, 3)), *found])
     return points[_in_company(points, config)]
 

@@ -4,7 +4,6 @@ The video is cut into as many spans of equal length as frames are wanted; of eac
 brightness at a quarter of a megapixel, has the largest variance: motion blur takes that away.
 """
 
-import importlib
 import importlib.util
 import shutil
 import subprocess
@@ -44,11 +43,11 @@ def make_capture_of_video(
 
     Raises CaptureError, in one sentence, where the video cannot be read or no poses can be found.
     """
-    config = config or VideoConfig()
     poser = _poser()  # before long work
     for fraction in pick_frames(video, folder / "images", config):
         yield ImportStep("picking the sharpest frames", 0.3 * fraction)
     yield ImportStep("finding the camera's poses (COLMAP)", 0.3)
+    (folder / "sparse").mkdir(exist_ok=True)
     poser(folder)
     _keep_largest(video, folder)
     yield ImportStep("finding the camera's poses (COLMAP)", 1.0)
@@ -117,7 +116,6 @@ def _poser() -> Callable[[Path], None]:
 
 def _by_binary(folder: Path) -> None:
     database, images, sparse = folder / "database.db", folder / "images", folder / "sparse"
-    sparse.mkdir(exist_ok=True)
     shared = ["--database_path", str(database)]
     for command in (
         ["feature_extractor", *shared, "--image_path", str(images), "--ImageReader.single_camera", "1",
@@ -134,7 +132,6 @@ def _by_binary(folder: Path) -> None:
 def _by_pycolmap(folder: Path) -> None:
     pycolmap: Any = importlib.import_module("pycolmap")  # few people have it
     database, images, sparse = folder / "database.db", folder / "images", folder / "sparse"
-    sparse.mkdir(exist_ok=True)
     try:
         reader = pycolmap.ImageReaderOptions(camera_model="OPENCV")
         pycolmap.extract_features(database, images, camera_mode=pycolmap.CameraMode.SINGLE, reader_options=reader)
@@ -146,7 +143,8 @@ def _by_pycolmap(folder: Path) -> None:
 
 def _keep_largest(video: Path, folder: Path) -> None:
     """Let the largest of the models that COLMAP made be the capture's. Raises CaptureError where it is too small."""
-    posed = {model.parent: _images_in(model) for model in (folder / "sparse").glob("*/images.bin")}
+    models = (folder / "sparse").glob("*/images.bin")  # a binary model begins with the number of its images
+    posed = {model.parent: int.from_bytes(model.read_bytes()[:8], "little") for model in models}
     frames = len(list((folder / "images").iterdir()))
     largest = max(posed, key=lambda model: posed[model], default=None)
     if largest is None or posed[largest] < _LEAST_SHARE * frames:
@@ -158,8 +156,3 @@ def _keep_largest(video: Path, folder: Path) -> None:
         if other != largest:
             shutil.rmtree(other)
     largest.rename(folder / "sparse" / "0")
-
-
-def _images_in(file: Path) -> int:
-    """Count the posed images of a binary model."""
-    return int.from_bytes(file.read_bytes()[:8], "little")

@@ -19,8 +19,8 @@ _SKEWED = 1e-2
 """Largest deviation from a rotation of a matrix that was only rounded."""
 LARGEST = 1e12
 """Numbers in poses and lenses are smaller."""
-_ASPECT = 0.02
-"""Largest relative difference of the aspect ratios of a picture and its calibration."""
+ASPECT = 0.02
+"""Largest relative difference of the aspect ratios of a picture and its calibration, or its depth map."""
 
 
 class CaptureError(InvalidInputError):
@@ -46,7 +46,12 @@ class Lens:
 
     @classmethod
     def measured(
-        cls, size: tuple[float, float], focal: tuple[float, float], center: tuple[float, float], *distortion: float
+        cls,
+        size: tuple[float, float],
+        focal: tuple[float, float],
+        center: tuple[float, float],
+        *distortion: float,
+        fisheye: bool = False,
     ) -> "Lens":
         """From numbers in pixels. Raises CaptureError where they are those of no lens."""
         width, height = size
@@ -55,20 +60,17 @@ class Lens:
             raise CaptureError(f"a lens needs finite numbers and a size of at least one pixel, not {numbers}")
         if min(focal) <= 0:
             raise CaptureError(f"a focal length must be above 0, not {min(focal):g}")
-        coefficients = (distortion + 8 * (0.0,))[:8] if any(distortion) else ()
+        padded = (distortion + 8 * (0.0,))[: 4 if fisheye else 8]
+        coefficients = padded if fisheye or any(distortion) else ()
         shares = center[0] / width, center[1] / height
-        return cls(focal[0] / width, focal[1] / height, shares, coefficients, width / height)
-
-    def as_fisheye(self) -> "Lens":
-        """The same numbers as those of a fisheye, k1 to k4."""
-        return replace(self, distortion=(self.distortion + 4 * (0.0,))[:4], fisheye=True)
+        return cls(focal[0] / width, focal[1] / height, shares, coefficients, width / height, fisheye)
 
     def camera(self, width: int, height: int) -> Camera:
         """The camera of a picture of that size [pixels]; a distortion is left out, but for a fisheye's.
 
         Raises CaptureError where the picture has another shape than those that the lens was measured with.
         """
-        if self.aspect is not None and abs(width / height / self.aspect - 1) > _ASPECT + 1 / min(width, height):
+        if self.aspect is not None and abs(width / height / self.aspect - 1) > ASPECT + 1 / min(width, height):
             raise CaptureError(
                 f"a picture of {width} x {height} pixels has another shape than its lens was measured with "
                 f"(width over height {self.aspect:.3g}): was it cropped or turned?"
@@ -167,10 +169,7 @@ def rigid_pose(matrix: Any, name: str) -> np.ndarray:
 
     Raises CaptureError, which names the photograph, for a matrix that is no pose.
     """
-    try:
-        rows = np.array(matrix, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        rows = np.zeros(0)
+    rows = array_of(matrix)
     if rows.shape not in ((3, 4), (4, 4)):
         raise CaptureError(f"the pose of {name} is not a matrix of 3 x 4 or 4 x 4 numbers")
     if not (np.abs(rows) < LARGEST).all():
@@ -184,6 +183,14 @@ def rigid_pose(matrix: Any, name: str) -> np.ndarray:
     if np.linalg.det(pose[:3, :3]) < 0:
         raise CaptureError(f"the pose of {name} is mirrored: its 3 x 3 part has a negative determinant")
     return pose
+
+
+def array_of(entry: Any) -> np.ndarray:
+    """The numbers of an entry of JSON, in double precision; an empty array for all else."""
+    try:
+        return np.array(entry, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return np.zeros(0)
 
 
 def read_json(path: Path) -> dict[str, Any]:

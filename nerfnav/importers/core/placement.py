@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, require_positive
 
 Vector = tuple[float, float, float]
 AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -42,7 +42,7 @@ class MeasuredDistance:
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for equal points and impossible distances."""
-        require_positive("distance", self.meters)
+        require_positive(**{"the distance": self.meters})
         if math.dist(self.first, self.second) == 0:
             raise InvalidInputError("the two points are the same: their distance gives no scale")
 
@@ -50,12 +50,6 @@ class MeasuredDistance:
     def scale(self) -> float:
         """Metres in one unit of the source."""
         return self.meters / math.dist(self.first, self.second)
-
-
-def require_positive(name: str, value: float | None) -> None:
-    """Raise InvalidInputError for a number that is given and not above 0, or not finite."""
-    if value is not None and not 0 < value < math.inf:
-        raise InvalidInputError(f"the {name} must be a number above 0, not {value:g}")
 
 
 def require_direction(up: Vector | None) -> None:
@@ -87,7 +81,7 @@ class Placement:
         """Raise InvalidInputError for what no place can have."""
         if self.scale is not None and self.picked is not None:
             raise InvalidInputError("give either a scale or two picked points with their distance, not both")
-        require_positive("scale", self.scale)
+        require_positive(**{"the scale": self.scale})
         require_direction(self.up)
         require_box(self.box)
 
@@ -127,6 +121,15 @@ def format_length(meters: float) -> str:
         if meters >= unit:
             return f"{meters / unit:.3g} {name}"
     return f"{1000 * meters:.3g} mm"
+
+
+def direction_name(up: Float[np.ndarray, " 3"]) -> str:
+    """The name of a unit vector along an axis, such as -y; the numbers of any other."""
+    for name, axis in AXES.items():
+        for sign, mark in ((1, ""), (-1, "-")):
+            if np.allclose(up, sign * np.array(axis)):
+                return mark + name
+    return " ".join(f"{x:.3g}" for x in up)
 
 
 def drop_answered_guesses(guesses: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:

@@ -37,12 +37,13 @@ def read_picture(data: bytes, aspect: float | None = None) -> StoredPicture:
 
     Raises InvalidInputError where they are no whole picture.
     """
-    from PIL import Image
+    from PIL import ExifTags, Image
 
     try:
         with Image.open(io.BytesIO(data)) as image:
             image.load()
-            turns, mirrored = _TURNS.get(_orientation(image), (0, False))
+            orientation = image.getexif().get(ExifTags.Base.Orientation)
+            turns, mirrored = _TURNS.get(orientation if isinstance(orientation, int) else 1, (0, False))
             pixels, colored = _pixels(image)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InvalidInputError("it is no whole JPEG or PNG picture") from error
@@ -70,13 +71,6 @@ def focal_35mm(data: bytes) -> float | None:
             return float(focal) if focal else None
     except (OSError, ValueError, SyntaxError, TypeError, Image.DecompressionBombError):
         return None
-
-
-def _orientation(image: "Image.Image") -> int:
-    from PIL import ExifTags
-
-    orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
-    return orientation if isinstance(orientation, int) else 1
 
 
 def _pixels(image: "Image.Image") -> tuple[np.ndarray, bool]:

@@ -43,14 +43,9 @@ class Declaration:
 
 
 def gltf_declared(path: Path, data: bytes) -> Declaration:
-    header, _ = gltf_parts(path, data)
+    header, _ = gltf.parts_of(path, data)
     gltf.require_known(path, header)
     return Declaration("y", False, None, ("m", "cm", "mm"), linear=gltf.is_linear(header))
-
-
-def gltf_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The header and, of a .glb, the binary chunk."""
-    return gltf.glb_parts(path, data) if path.suffix.lower() == ".glb" else (gltf.header_of(path, data), b"")
 
 
 def _obj(path: Path, data: bytes) -> Declaration:
@@ -109,7 +104,7 @@ DECLARATIONS: dict[str, Callable[[Path, bytes], Declaration]] = {
 
 def make_plain_gltf(path: Path, data: bytes, beside: FolderResolver) -> bytes | None:
     """The file as a .glb that needs nothing but glTF 2.0; None where it is that already."""
-    header, binary = gltf_parts(path, data)
+    header, binary = gltf.parts_of(path, data)
 
     def read(entry: dict[str, Any]) -> bytes:
         if "uri" not in entry:

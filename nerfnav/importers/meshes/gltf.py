@@ -32,10 +32,10 @@ _IGNORED = re.compile(
 """Extensions for shading, lights and the like, which shape and base colour do not need."""
 
 
-def glb_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The header and the binary chunk of a .glb. Raises MeshFileError where it is not a whole one."""
+def parts_of(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
+    """The header and, of a .glb, the binary chunk. Raises MeshFileError where the file is not a whole one."""
     try:
-        text, binary = chunks(data)
+        text, binary = chunks(data) if path.suffix.lower() == ".glb" else (data, b"")
     except ContainerError as error:
         raise MeshFileError(f"{path} {error}") from error
     return header_of(path, text), binary
@@ -83,9 +83,7 @@ def check(path: Path, header: dict[str, Any], read: Callable[[dict[str, Any]], b
 def decode_embedded(entry: dict[str, Any]) -> bytes | None:
     """The bytes that an entry of the header holds in itself; None where it names a file."""
     uri = str(entry["uri"])
-    if not uri.startswith("data:"):
-        return None
-    return base64.b64decode(uri.partition(",")[2], validate=False)
+    return base64.b64decode(uri.partition(",")[2], validate=False) if uri.startswith("data:") else None
 
 
 def _view(header: dict[str, Any], index: int, read: Callable[[dict[str, Any]], bytes]) -> bytes:

@@ -193,8 +193,7 @@ def _no_picture() -> dict[str, str]:
     return {"uri": uri, "mimeType": "image/png"}
 
 
-def _transformed(uv: np.ndarray, *how: float) -> np.ndarray:
-    """Texture coordinates (n, 2) scaled, turned by an angle [rad] and moved: tx, ty, sx, sy, angle."""
-    tx, ty, sx, sy, angle = how
+def _transformed(uv: np.ndarray, tx: float, ty: float, sx: float, sy: float, angle: float) -> np.ndarray:
+    """Texture coordinates (n, 2) scaled, turned by an angle [rad] and moved."""
     cos, sin = math.cos(angle), math.sin(angle)
     return uv * (sx, sy) @ np.array([[cos, -sin], [sin, cos]]) + (tx, ty)

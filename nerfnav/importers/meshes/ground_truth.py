@@ -43,7 +43,10 @@ def arrays_of(scene: Scene) -> dict[str, np.ndarray]:
         "image_of_face": scene.paint.image_of_face,
         "uv": scene.paint.uv,
         "tint": scene.paint.tint,
-        **{f"image_{index}": _bytes(encode_image(image)) for index, image in enumerate(scene.paint.images)},
+        **{
+            f"image_{index}": np.frombuffer(encode_image(image), np.uint8)
+            for index, image in enumerate(scene.paint.images)
+        },
         **_packed("mesh", [scene.mesh]),
         **_packed("solids", scene.solids),
         **_packed("sheets", scene.sheets),
@@ -82,10 +85,6 @@ def _unpacked(name: str, file: np.lib.npyio.NpzFile) -> list[trimesh.Trimesh]:
     vertices = np.split(file[f"{name}_vertices"], ends[:, 0]) if len(file[f"{name}_counts"]) else []
     faces = np.split(file[f"{name}_faces"], ends[:, 1])
     return [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=False)]
-
-
-def _bytes(content: bytes) -> np.ndarray:
-    return np.frombuffer(content, np.uint8)
 
 
 def _picture(data: np.ndarray) -> Image:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from nerfnav.geometry import Box
 from nerfnav.importers.core.progress import ImportStep
@@ -33,8 +33,9 @@ def box_and_voxel(bounds: Box, vantage: Vantage, config: SceneConfig) -> tuple[B
     above = max(config.headroom * float(bounds.size[2]), aside)
     if vantage is Vantage.INSIDE:
         aside = above = 0.0
-    upper = bounds.upper + torch.tensor([aside, aside, above])
-    box = Box(bounds.lower - torch.tensor([aside, aside, 0.0]), upper)
+    box = Box(
+        bounds.lower - torch.tensor([aside, aside, 0.0]), bounds.upper + torch.tensor([aside, aside, above])
+    )
     voxel = config.voxel or _voxel(box, config.nodes)
     border = config.below * voxel
     around = border if vantage is Vantage.INSIDE else 0.0
@@ -44,8 +45,7 @@ def box_and_voxel(bounds: Box, vantage: Vantage, config: SceneConfig) -> tuple[B
 def _voxel(box: Box, nodes: float) -> float:
     """The size at which a box has so many nodes, rounded to two digits [m]."""
     exact = float((box.size.double().prod() / nodes) ** (1 / 3))
-    digits = 1 - math.floor(math.log10(exact))
-    return round(exact, digits)
+    return round(exact, 1 - math.floor(math.log10(exact)))
 
 
 _LIGHT = np.array([0.37, 0.53, 0.76])
@@ -58,8 +58,7 @@ def shade_paint(parts: Parts, normals: Float[np.ndarray, "f 3"]) -> Paint:
     """The paint, with light on plain parts. It falls on both sides of a face: files often get wrong which is seen."""
     light = 1 - _SHADE * (1 - np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT))))
     light = np.where(parts.plain, light, 1.0)[:, None, None]
-    tint: UInt8[np.ndarray, "f 3 3"] = (parts.paint.tint * light).round().astype(np.uint8)
-    return replace(parts.paint, tint=tint)
+    return replace(parts.paint, tint=(parts.paint.tint * light).round().astype(np.uint8))
 
 
 _SKY = (0.72, 0.83, 0.95)

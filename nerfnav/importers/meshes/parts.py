@@ -116,8 +116,7 @@ def join_parts(file: MeshFile) -> Parts:
             pieces.append(_piece(mesh, np.asarray(transform, float), palette, file, number, corners))
             corners += len(mesh.vertices)
     vertices, faces, part, image, uv, tint, plain = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
-    area = np.linalg.norm(np.cross(*(np.diff(vertices[faces], axis=1).swapaxes(0, 1))), axis=-1)
-    kept = area > 0
+    kept = np.linalg.norm(np.cross(*(np.diff(vertices[faces], axis=1).swapaxes(0, 1))), axis=-1) > 0  # of some area
     if not kept.any():
         raise MeshFileError(f"{file.path} has no face with any area: there is nothing to see or to touch")
     paint = Paint(tuple(palette.images), image[kept], uv[kept], tint[kept])
@@ -144,7 +143,8 @@ def _piece(
         faces = faces[:, ::-1]
     count, visual = len(faces), mesh.visual
     uv = _uv(visual, len(vertices))
-    picture = None if uv is None else _image(visual)
+    material = getattr(visual, "material", None)
+    picture = None if uv is None else getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
     image = -1 if picture is None else palette.index_of(picture)
     tint = tint_of(mesh, faces, file.declared.linear)
     if image >= 0 and (palette.images[image] == NO_TEXTURE).all():  # a stand-in for none
@@ -159,13 +159,6 @@ def _piece(
         tint,
         np.full(count, plain),
     )
-
-
-def _image(visual: object) -> Image | None:
-    """The picture of a part's base colour; None where it has none."""
-    material = getattr(visual, "material", None)
-    base = getattr(material, "baseColorTexture", None)
-    return base if base is not None else getattr(material, "image", None)
 
 
 def _uv(visual: object, count: int) -> Float32[np.ndarray, "v 2"] | None:

@@ -8,10 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from nerfnav.importers.core.errors import MeshFileError
-from nerfnav.importers.core.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z
+from nerfnav.importers.core.placement import (
+    AXES,
+    LOWER,
+    PLAUSIBLE,
+    Placement,
+    direction_name,
+    is_flatter,
+    rotation_to_z,
+)
 from nerfnav.importers.meshes.files import Declaration
 from nerfnav.importers.meshes.parts import Parts
 
@@ -50,7 +57,8 @@ def place_mesh(parts: Parts, declared: Declaration, placement: Placement, units:
     scale = placement.meters_per_unit if units is None else METERS[units]
     if scale is None:
         scale, why = _scale_of(longest, declared)
-        guesses.append(f"lengths are in {_unit_name(scale)} {why}")
+        unit = next((name for name, meters in METERS.items() if meters == scale), f"units of {scale:g} m")
+        guesses.append(f"lengths are in {unit} {why}")
     if not _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]:
         raise MeshFileError(
             f"{path} would be {scale * longest:.3g} m long, but only {_POSSIBLE[0]:g} to {_POSSIBLE[1]:g} m can be "
@@ -62,7 +70,7 @@ def place_mesh(parts: Parts, declared: Declaration, placement: Placement, units:
         offset = np.array([*(0.5 * (lower + upper))[:2], lower[2]])
         vertices = vertices - offset
         guesses.append(f"moved by {', '.join(f'{-x:.1f}' for x in offset)} m to the origin, from which it was far off")
-    return PlacedMesh(replace(parts, vertices=vertices), _direction_name(up), scale, tuple(guesses))
+    return PlacedMesh(replace(parts, vertices=vertices), direction_name(up), scale, tuple(guesses))
 
 
 def _up_of(parts: Parts, declared: Declaration) -> tuple[str, str]:
@@ -71,9 +79,8 @@ def _up_of(parts: Parts, declared: Declaration) -> tuple[str, str]:
     if declared.up_is_certain:
         return own, "(the file says so)"
     other = "z" if own == "y" else "y"
-    size = np.ptp(parts.bounds, axis=0)
     middle = {axis: _middle(parts, "xyz".index(axis)) for axis in (own, other)}
-    flatter = is_flatter(size, "xyz".index(own), "xyz".index(other))
+    flatter = is_flatter(np.ptp(parts.bounds, axis=0), "xyz".index(own), "xyz".index(other))
     if flatter and middle[own] - middle[other] > LOWER:
         return other, f"(guessed: along {other} it is flat and heavy below; {own} is the habit of its format)"
     return own, "(the habit of its format)"
@@ -101,13 +108,3 @@ def _scale_of(longest: float, declared: Declaration) -> tuple[float, str]:
     return scale, f"(a doubtful guess: so it is {scale * longest:.3g} m long)"
 
 
-def _unit_name(scale: float) -> str:
-    return next((name for name, meters in METERS.items() if meters == scale), f"units of {scale:g} m")
-
-
-def _direction_name(up: Float[np.ndarray, " 3"]) -> str:
-    for name, axis in AXES.items():
-        for sign, mark in ((1, ""), (-1, "-")):
-            if np.allclose(up, sign * np.array(axis)):
-                return mark + name
-    return " ".join(f"{x:.3g}" for x in up)

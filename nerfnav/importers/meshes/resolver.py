@@ -44,19 +44,24 @@ class FolderResolver(Resolver):
         """The bytes of a file that the mesh names. Raises MeshFileError where it is missing or lies elsewhere."""
         name = urllib.parse.unquote(key).strip().replace("\\", "/").removeprefix("file://").removeprefix("./")
         path = self._found(name)
+        suffix = path.suffix.lower()
         if not path.is_relative_to(self._root):
             raise self._failure(f"names the file {name}, which lies outside its own folder: it is not read")
         if not path.is_file():
-            if path.suffix.lower() == ".mtl":  # without it there are no colours, but all of the shape
-                self._note(f"its materials {name} are missing, so it is grey")
-                raise FileNotFoundError(name)
-            if path.suffix.lower() in _PICTURES:
-                self._note(f"its texture {name} is missing, so what it covers is grey")
-                raise FileNotFoundError(name)
-            raise self._failure(f"needs the file {name}, which is not beside it")
+            if suffix not in (".mtl", *_PICTURES):
+                raise self._failure(f"needs the file {name}, which is not beside it")
+            note = f"its texture {name} is missing, so what it covers is grey"
+            if suffix == ".mtl":  # without it there are no colours, but all of the shape
+                note = f"its materials {name} are missing, so it is grey"
+            if note not in self.notes:
+                self.notes.append(note)
+            raise FileNotFoundError(name)
         data = path.read_bytes()
-        if path.suffix.lower() in _PICTURES:
-            self._check_picture(name, data)
+        if suffix in _PICTURES:
+            try:
+                Image.open(io.BytesIO(data)).verify()
+            except Exception as error:  # whatever a picture of unknown origin makes its reader raise
+                raise self._failure(f"needs the texture {name}, which is no picture that can be read") from error
         return data
 
     def refuse_what_failed(self) -> None:
@@ -76,22 +81,12 @@ class FolderResolver(Resolver):
         """The same: folders are part of names."""
         return self
 
-    def _check_picture(self, name: str, data: bytes) -> None:
-        try:
-            Image.open(io.BytesIO(data)).verify()
-        except Exception as error:  # whatever a picture of unknown origin makes its reader raise
-            raise self._failure(f"needs the texture {name}, which is no picture that can be read") from error
-
     def _found(self, name: str) -> Path:
         """Path of a file: as its name is written, else, by its last part, in the model's folders of textures."""
         path = (self._folder / name).resolve()
         last = Path(name).name
         others = (self._root / folder / last for folder in _TEXTURES) if self._root != self._folder else ()
         return path if path.is_file() else next((other.resolve() for other in others if other.is_file()), path)
-
-    def _note(self, what: str) -> None:
-        if what not in self.notes:
-            self.notes.append(what)
 
     def _failure(self, what: str) -> MeshFileError:
         self._failed.append(f"{self._mesh} {what}")

@@ -61,18 +61,20 @@ def split_solids(parts: Parts) -> Pieces:
             if piece.is_closed:
                 closed.append(piece.faces)
                 rest[piece.faces] = False
-    vertices, faces = _vertices(parts, where)
+    # one vertex for each place, so that these are faces; what has lost its area in joining stays, as it is harmless
+    vertices = np.zeros((where.max() + 1, 3))
+    vertices[where] = parts.vertices[parts.faces]
     extent = np.ptp(vertices, axis=0)
     solids, sheets, leaky = [], [], 0
     for index in closed:
-        mesh = _mesh(vertices, faces[index])
-        solid = _closed_solid(mesh, extent, lambda index=index: _centers(vertices, faces, index))
+        mesh = _mesh(vertices, where[index])
+        solid = _closed_solid(mesh, extent, lambda index=index: _centers(vertices, where, index))
         (sheets if solid is None else solids).append(index if solid is None else solid)
     for piece in _connected(where, np.flatnonzero(rest)):
-        solid = _open_solid(_mesh(vertices, faces[piece.faces]))
+        solid = _open_solid(_mesh(vertices, where[piece.faces]))
         leaky += solid is not None
         (sheets if solid is None else solids).append(piece.faces if solid is None else solid)
-    surface = (_mesh(vertices, faces[np.concatenate(sheets)]),) if sheets else ()
+    surface = (_mesh(vertices, where[np.concatenate(sheets)]),) if sheets else ()
     return Pieces(tuple(solids), surface, leaky)
 
 
@@ -88,13 +90,6 @@ def _places(parts: Parts) -> Int[np.ndarray, "f 3"]:
     rounded = np.round((parts.vertices - parts.bounds[0]) / edge).astype(np.int64)
     _, number = trimesh.grouping.unique_rows(rounded)
     return number[parts.faces]
-
-
-def _vertices(parts: Parts, where: Int[np.ndarray, "f 3"]) -> tuple[np.ndarray, np.ndarray]:
-    """One vertex for each place, and faces of these; what has lost its area in joining stays, as it is harmless."""
-    vertices = np.zeros((where.max() + 1, 3))
-    vertices[where] = parts.vertices[parts.faces]
-    return vertices, where
 
 
 def _connected(corners: Int[np.ndarray, "f 3"], among: Int[np.ndarray, " k"]) -> list[_Piece]:

@@ -2,7 +2,6 @@
 
 import pickle
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,7 @@ def state_dicts(file: Path) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
             states = [_tensors(loaded[name], file) for name in names if isinstance(loaded.get(name), dict)]
             return states[0], states[-1]
     raise InvalidInputError(
-        f"{file} holds no networks of nerf-pytorch: {join_alternatives(name for name, _ in _NETWORKS)} was expected"
+        f"{file} holds no networks of nerf-pytorch: {' or '.join(name for name, _ in _NETWORKS)} was expected"
     )
 
 
@@ -55,11 +54,6 @@ def _not_whole(file: Path) -> InvalidInputError:
     return InvalidInputError(f"{file} is not a whole checkpoint of nerf-pytorch (truncated, or another kind of file)")
 
 
-def join_alternatives(names: Iterable[str]) -> str:
-    """Join names to a list of alternatives."""
-    return " or ".join(names)
-
-
 def is_checkpoint(path: Path) -> bool:
     """True for a checkpoint: a file by its ending, a folder by its content."""
     if path.is_dir():
@@ -71,6 +65,7 @@ def newest_checkpoint(folder: Path) -> Path:
     """Checkpoint of a folder with the highest number in its name. Raises InvalidInputError where there is none."""
     found = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
     if not found:
-        endings = join_alternatives(SUFFIXES)
-        raise InvalidInputError(f"{folder} holds no checkpoint; a trained NeRF is a file ending in {endings}")
+        raise InvalidInputError(
+            f"{folder} holds no checkpoint; a trained NeRF is a file ending in {' or '.join(SUFFIXES)}"
+        )
     return max(found, key=lambda entry: (int("0" + "".join(re.findall(r"\d+", entry.stem)[-1:])), entry.name))

@@ -46,9 +46,8 @@ def merge_run_config(folder: Path, config: NerfPytorchConfig) -> NerfPytorchConf
     near, far = entries.get("near"), entries.get("far")
     if isinstance(near, int | float) and isinstance(far, int | float) and 0 <= near < far < math.inf:
         config = replace(config, near=float(near), far=float(far))
-    position, direction = config.octaves
-    doubling = (_true(entries.get("log_sampling_xyz", position)), _true(entries.get("log_sampling_dir", direction)))
-    config = replace(config, octaves=doubling)
+    position = _true(entries.get("log_sampling_xyz", config.octaves[0]))
+    config = replace(config, octaves=(position, _true(entries.get("log_sampling_dir", config.octaves[1]))))
     for name in ("white_background", "white_bkgd"):
         if name in entries:
             config = replace(config, white=_true(entries[name]))

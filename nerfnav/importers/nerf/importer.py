@@ -60,8 +60,13 @@ def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> Ne
     turn = torch.eye(3) if place.up is None else torch.from_numpy(rotation_to_z(np.array(place.up))).float()
     half = torch.full((3,), unit * _SEEN_SHARE * 0.5 * (config.far - config.near))
     box = Box(-half, half) if place.box is None else Box.of(*place.box)
-    frame, background = Pose(turn, torch.zeros(3)), torch.full((3,), float(config.white))
     field = NeuralField(
-        box, coarse, fine, background, frame, NeuralConfig(unit=unit), FieldInfo(source=file.name)
+        box,
+        coarse,
+        fine,
+        torch.full((3,), float(config.white)),  # the background
+        Pose(turn, torch.zeros(3)),
+        NeuralConfig(unit=unit),
+        FieldInfo(source=file.name),
     )
     return field if place.box is not None else replace(field, box=find_solid_box(field, file))

@@ -56,11 +56,11 @@ def _krrish94(state: dict[str, Tensor]) -> tuple[MlpConfig, dict[str, Tensor]]:
         state = {**state, "fc_alpha.weight": alpha @ features, "fc_alpha.bias": alpha @ bias + state["fc_alpha.bias"]}
         return _assembled(config, layers, state, heads, seen[:3], "fc_out")
     width, encoded = state["layer1.weight"].shape
-    joined = [(state["layer1.weight"], state["layer1.bias"])]
-    for weight, bias in layers:  # columns: hidden, then gamma(p)
-        joined.append((torch.cat([weight[:, width:], weight[:, :width]], 1), bias))
-    config = MlpConfig(len(joined), width, _skips(joined, width), _encoding(encoded), linear_first=True)
-    config = replace(config, feature_relu=True)
+    # in the file the columns are hidden, then gamma(p)
+    later = [(torch.cat([weight[:, width:], weight[:, :width]], 1), bias) for weight, bias in layers]
+    joined = [(state["layer1.weight"], state["layer1.bias"]), *later]
+    skips = _skips(joined, width)
+    config = MlpConfig(len(joined), width, skips, _encoding(encoded), linear_first=True, feature_relu=True)
     return _assembled(config, joined, state, heads, seen, "fc_out")
 
 

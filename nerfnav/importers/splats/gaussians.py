@@ -209,8 +209,8 @@ def _reach(centers: np.ndarray) -> float:
     return reach if reach > 0 else np.inf  # a single point says nothing about what is large
 
 
-WXYZ, XYZW = (0, 1, 2, 3), (1, 2, 3, 0)
-"""Positions in (w, x, y, z) of the parts that a file numbers 0 to 3."""
+WXYZ, XYZW = (0, 1, 2, 3), (3, 0, 1, 2)
+"""Numbers, 0 to 3, that a file gives to the parts w, x, y, z."""
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
@@ -222,6 +222,4 @@ def from_smallest_three(
     np.put_along_axis(parts, _OTHERS[largest], smaller, 1)
     left = np.sqrt(np.maximum(0, 1 - (smaller.astype(np.float64) ** 2).sum(1)))
     np.put_along_axis(parts, largest[:, None], left[:, None], 1)
-    wxyzs = np.empty_like(parts)
-    wxyzs[:, list(order)] = parts
-    return wxyzs
+    return parts.take(order, axis=1)

@@ -12,10 +12,12 @@ import numpy as np
 from jaxtyping import Float
 
 from nerfnav.importers.core.placement import (
+    AXES,
     LOWER,
     UNIT_ASSUMED,
     Placement,
     Vector,
+    direction_name,
     format_length,
     is_flatter,
     warn_implausible_size,
@@ -50,7 +52,7 @@ def place_splats(splats: Splats, placement: Placement, path: Path) -> SplatPlace
     longest = float((upper - lower).max()) * (scale or 1.0)
     if up is None:
         up, why = guess_up(splats, _HABITS.get(path.suffix.lower(), _HABIT))
-        guesses.append(f"up is {_name(up)} {why}")
+        guesses.append(f"up is {direction_name(np.array(up))} {why}")
     if scale is None:
         guesses.append(f"{UNIT_ASSUMED}, and the place is {format_length(longest)} long")
         if (doubt := warn_implausible_size(longest)) is not None:
@@ -60,7 +62,7 @@ def place_splats(splats: Splats, placement: Placement, path: Path) -> SplatPlace
 
 def guess_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
     """The direction that is up, and why."""
-    masses = splats.masses
+    masses, habitual = splats.masses, direction_name(np.array(habit))
     lower, upper = robust_extent(splats.centers, masses)
     size, own, z = upper - lower, int(np.abs(habit).argmax()), 2
     ends = (lower[own], upper[own]) if habit[own] > 0 else (-upper[own], -lower[own])
@@ -68,12 +70,12 @@ def guess_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
     if standing[0] and not standing[1]:
         return habit, "(the habit of its format, and so it stands on the origin)"
     if standing[1] and not standing[0]:
-        return _opposite(habit), f"(guessed: so it stands on the origin; {_name(habit)} is the habit of its format)"
+        return _opposite(habit), f"(guessed: so it stands on the origin; {habitual} is the habit of its format)"
     heavy = _middles(splats.centers, masses, lower, upper)
     middle = heavy[own] if habit[own] > 0 else 1 - heavy[own]
     if is_flatter(size, own, z) and middle - heavy[z] > LOWER:
-        why = f"(guessed: along it the place is flat and heavy below; {_name(habit)} is the habit of its format)"
-        return (0.0, 0.0, 1.0), why
+        why = f"(guessed: along it the place is flat and heavy below; {habitual} is the habit of its format)"
+        return AXES["z"], why
     return habit, "(the habit of its format)"
 
 
@@ -90,8 +92,3 @@ def _middles(
 def _opposite(up: Vector) -> Vector:
     x, y, z = (-part if part else 0.0 for part in up)
     return x, y, z
-
-
-def _name(up: Vector) -> str:
-    axis = int(np.abs(up).argmax())
-    return f"{'-' if up[axis] < 0 else ''}{'xyz'[axis]}"

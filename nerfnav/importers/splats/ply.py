@@ -43,9 +43,7 @@ def read_ply(path: Path) -> dict[str, np.ndarray]:
 
     Raises InvalidInputError where the file is no such PLY or holds fewer rows than it declares.
     """
-    with path.open("rb") as file:
-        start = file.read(_LONGEST_HEADER)
-    elements, length = _header(path, start)
+    elements, length = _header(path)
     tables: dict[str, np.ndarray] = {}
     left = path.stat().st_size - length
     for element in elements:
@@ -67,13 +65,14 @@ def read_ply(path: Path) -> dict[str, np.ndarray]:
 
 def ply_columns(path: Path) -> dict[str, tuple[str, ...]]:
     """Names of the properties of each table, from the header alone."""
-    with path.open("rb") as file:
-        elements, _ = _header(path, file.read(_LONGEST_HEADER))
+    elements, _ = _header(path)
     return {element.name: tuple(name for name, _ in element.columns) for element in elements}
 
 
-def _header(path: Path, start: bytes) -> tuple[list[Element], int]:
-    """The tables that a header declares, and how many bytes it has."""
+def _header(path: Path) -> tuple[list[Element], int]:
+    """The tables that a file's header declares, and how many bytes it has."""
+    with path.open("rb") as file:
+        start = file.read(_LONGEST_HEADER)
     end = start.find(b"end_header")
     if not start.startswith(b"ply") or end < 0:
         raise InvalidInputError(f"{path} is not a PLY file, or its header is cut off")
@@ -121,11 +120,12 @@ def decode_compressed(path: Path, chunks: np.ndarray, vertices: np.ndarray) -> S
         return lower + shares * (upper - lower)
 
     color = _unpacked(vertices["packed_color"], (24, 8), (16, 8), (8, 8), (0, 8))
+    smaller = (_unpacked(vertices["packed_rotation"], (20, 10), (10, 10), (0, 10)) - 0.5) * np.sqrt(2)
     log_scales = between(_unpacked(vertices["packed_scale"], *_11_10_11), "scale_x", "scale_y", "scale_z")
     return clean_splats(
         between(_unpacked(vertices["packed_position"], *_11_10_11), "x", "y", "z"),
         np.exp(log_scales.clip(None, 30)),
-        _quaternions(vertices["packed_rotation"]),
+        from_smallest_three(smaller, (vertices["packed_rotation"] >> 30).astype(np.int64)),
         between(color[:, :3], "r", "g", "b"),
         color[:, 3],
     )
@@ -137,12 +137,6 @@ _11_10_11 = ((21, 11), (11, 10), (0, 11))
 def _unpacked(words: np.ndarray, *parts: tuple[int, int]) -> np.ndarray:
     """Shares in [0, 1] of the parts (lowest bit, number of bits) of 32-bit words."""
     return np.stack([((words >> low) & ((1 << bits) - 1)) / ((1 << bits) - 1) for low, bits in parts], 1)
-
-
-def _quaternions(words: np.ndarray) -> np.ndarray:
-    """(w, x, y, z) of words that hold the three smaller parts and the number of the largest."""
-    smaller = (_unpacked(words, (20, 10), (10, 10), (0, 10)) - 0.5) * np.sqrt(2)
-    return from_smallest_three(smaller, (words >> 30).astype(np.int64))
 
 
 def columns_of(table: np.ndarray, *names: str) -> np.ndarray:

@@ -104,12 +104,9 @@ def _decoded(path: Path, read: Read, name: str) -> Splats:
     if count < 1 or any(end.shape != (3,) for end in numbers):
         raise InvalidInputError(f"{path} has a {META} of {count} splats or with wrong limits: it is damaged")
 
-    def plane(file: str) -> np.ndarray:
-        return _plane(path, read, file, count)
-
-    low, high = (plane(file)[:, :3].astype(np.float64) for file in (lower_file, upper_file))
+    low, high = (_plane(path, read, file, count)[:, :3].astype(np.float64) for file in (lower_file, upper_file))
     t = numbers[0] + (numbers[1] - numbers[0]) * (low + 256 * high) / 65535
-    quats, scales, colors = (plane(files[part][0]) for part in ("quats", "scales", "sh0"))
+    quats, scales, colors = (_plane(path, read, files[part][0], count) for part in ("quats", "scales", "sh0"))
     largest = quats[:, 3].astype(np.int64) - _TAG
     known = (largest >= 0) & (largest < 4)
     wxyzs = from_smallest_three((quats[:, :3] / 255 * 2 - 1) * np.sqrt(0.5), np.where(known, largest, 0))

@@ -73,8 +73,7 @@ def voxelize(splats: Splats, config: VoxelizeConfig | None = None, source: str =
     with threads(default_threads()):
         splat(*arrays, density, color)
     mean = color / np.maximum(density, 1e-12)[..., None]
-    targets = torch.from_numpy(density).clamp_max(_OPAQUE / voxel)
-    raw = fitted(targets, config.sweeps, config.empty_below / voxel)
+    raw = fitted(torch.from_numpy(density).clamp_max(_OPAQUE / voxel), config.sweeps, config.empty_below / voxel)
     values = torch.cat([raw[..., None], torch.from_numpy(mean)], -1)
     return VoxelField(box, values, torch.ones(3), FieldInfo(source=source))
 
@@ -91,7 +90,7 @@ def _box_of(splats: Splats, config: VoxelizeConfig) -> Box:
     margin = _MARGIN * (widest / _NODES_ALONG if config.voxel is None else config.voxel)
     flat = 0.05 * widest  # a sheet still needs a box that is not flat
     grow = np.maximum(margin, 0.5 * (flat - (upper - lower)))
-    return Box(torch.from_numpy(lower - grow).float(), torch.from_numpy(upper + grow).float())
+    return Box.of(lower - grow, upper + grow)
 
 
 def _in_grid(splats: Splats, box: Box, spacing: np.ndarray) -> tuple[np.ndarray, ...]:

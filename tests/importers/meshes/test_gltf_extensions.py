@@ -16,7 +16,7 @@ import trimesh
 from PIL import Image
 
 from nerfnav.importers.core.errors import MeshFileError
-from nerfnav.importers.meshes.gltf import glb_parts
+from nerfnav.importers.meshes.gltf import parts_of
 from tests.importers.meshes.places import color_at, data_uri, imported, quad, seen_from_above, two_textures, write
 
 QUARTERS = {(0, 0): (200, 30, 10), (1, 0): (20, 180, 40), (0, 1): (30, 40, 190), (1, 1): (220, 210, 20)}
@@ -111,7 +111,7 @@ def test_a_texture_may_use_the_second_set_of_coordinates(tmp_path: Path):
 
 def compressed(path: Path) -> Path:
     """A .glb like that of `two_textures`, all geometry compressed by meshopt alone."""
-    header, binary = glb_parts(path, two_textures().export(file_type="glb"))
+    header, binary = parts_of(path, two_textures().export(file_type="glb"))
     header["extensionsRequired"] = header["extensionsUsed"] = ["EXT_meshopt_compression"]
     packed, places = bytearray(), 0
     for index, view in enumerate(header["bufferViews"]):
@@ -150,7 +150,7 @@ def test_meshopt_compression_is_decoded(tmp_path: Path):
 def test_meshopt_that_is_damaged_or_not_installed_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = compressed(tmp_path / "packed.glb")
     whole = path.read_bytes()
-    header, binary = glb_parts(path, whole)
+    header, binary = parts_of(path, whole)
     entries = (view["extensions"] for view in header["bufferViews"] if "extensions" in view)
     packing = next(entries)["EXT_meshopt_compression"]
     at = whole.index(binary) + packing["byteOffset"]
