@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from http import HTTPStatus
-from typing import Generic, TypeVar
 
 import torch
 from websockets.asyncio.server import ServerConnection, serve
@@ -24,25 +23,34 @@ from nerfnav.live.navigator import pixels_of
 from nerfnav_app.security.access import AccessPolicy
 from nerfnav_app.system import TORCH_THREADS
 
-Item = TypeVar("Item")
+
+@dataclass(frozen=True)
+class _Came:
+    """A picture that has come."""
+
+    picture: messages.Picture
+    text: bool
+    """Whether it came as text."""
+    at: float = field(default_factory=time.perf_counter)
+    """When [s]."""
 
 
-class Newest(Generic[Item]):
-    """Holds one item: the newest that was not taken. Used from one event loop."""
+class Newest:
+    """Holds one picture: the newest that was not taken. Used from one event loop."""
 
     def __init__(self) -> None:
         """Nothing has come yet."""
-        self._item: Item | None = None
+        self._item: _Came | None = None
         self._there = asyncio.Event()
         self._dropped = 0
 
-    def put(self, item: Item) -> None:
+    def put(self, item: _Came) -> None:
         """This is newer than what is held."""
         self._dropped += self._item is not None
         self._item = item
         self._there.set()
 
-    async def take(self) -> tuple[Item, int]:
+    async def take(self) -> tuple[_Came, int]:
         """Wait for an item; and how many were dropped for newer ones since the last one was taken."""
         await self._there.wait()
         assert self._item is not None, "it is there"
@@ -54,17 +62,6 @@ class Newest(Generic[Item]):
 
 _TAKEN = "another vehicle is connected: one is let in at a time"
 _TRY_AGAIN_LATER = 1013
-
-
-@dataclass(frozen=True)
-class _Came:
-    """A picture that has come."""
-
-    picture: messages.Picture
-    text: bool
-    """Whether it came as text."""
-    at: float = field(default_factory=time.perf_counter)
-    """When [s]."""
 
 
 class LiveServer:
@@ -113,7 +110,7 @@ class LiveServer:
             await connection.close(_TRY_AGAIN_LATER, _TAKEN)
             return
         self._taken = True
-        newest: Newest[_Came] = Newest()
+        newest = Newest()
         try:
             await asyncio.get_running_loop().run_in_executor(self._computing, self._navigator.forget)
             await _say(connection, self._welcome, text=True)
@@ -130,7 +127,7 @@ class LiveServer:
         finally:
             self._taken = False
 
-    async def _answering(self, connection: ServerConnection, newest: Newest[_Came]) -> None:
+    async def _answering(self, connection: ServerConnection, newest: Newest) -> None:
         """Look at the newest picture, again and again."""
         loop = asyncio.get_running_loop()
         while True:
@@ -152,7 +149,7 @@ class LiveServer:
         return replace(answer, waited_ms=1e3 * waited)
 
 
-async def _reading(connection: ServerConnection, newest: Newest[_Came]) -> None:
+async def _reading(connection: ServerConnection, newest: Newest) -> None:
     """Take what comes, until the vehicle leaves."""
     async for message in connection:
         try:

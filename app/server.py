@@ -40,11 +40,11 @@ class App:
         self._host, self._port, self._token = host, port, token
         self._library = PlaceLibrary()
         memory = SessionMemory(self._library.folder / "left_off", what) if remembers else None
-        surface, saved = None if begun is None else begun.surface, None if memory is None else memory.last()
-        session = Session.opening(what, surface=surface, saved=saved)
+        session = Session.opening(
+            what, surface=None if begun is None else begun.surface, saved=None if memory is None else memory.last()
+        )
         self._worker = Worker(work or NavigationBackend(), self.post)
-        followers = [self._worker.follow] + ([] if memory is None else [memory.follow])
-        self._loop = UiLoop(session, *followers)
+        self._loop = UiLoop(session, self._worker.follow, *([] if memory is None else [memory.follow]))
         self._begun, self._server = begun, None if begun is None else begun.server
 
     @property

@@ -13,9 +13,9 @@ import torch
 from nerfnav.core.steps import run_steps
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, plan_fast, replan_from
-from nerfnav_app.benchmarks.comparison import milliseconds
+from nerfnav_app.benchmarks.comparison import both_threads, milliseconds
 from nerfnav_app.benchmarks.filter import bench_filter, situations
-from nerfnav_app.benchmarks.plan import both_threads, problems_of
+from nerfnav_app.benchmarks.plan import problems_of
 from nerfnav_app.benchmarks.replan import disturbed_plan
 
 PROCESSES = 2

@@ -8,7 +8,11 @@ import statistics
 import subprocess
 import sys
 
-_CHILD = "import sys; from nerfnav_app.jobs.plan.first_plan import report; report(sys.argv[1])"
+_CHILD = """
+import json, sys
+from nerfnav_app.jobs.plan.first_plan import first_plan
+print(json.dumps(first_plan(sys.argv[1])))
+"""
 
 
 def measure(place: str, rounds: int = 3) -> dict[str, float]:

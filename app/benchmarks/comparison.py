@@ -2,8 +2,16 @@
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
+
+import torch
+
+from nerfnav.core.jit import threads
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -27,18 +35,35 @@ class Comparison:
         return self.paper_ms / self.fast_ms
 
 
-def time_interleaved(
-    paper: Callable[[], object], fast: Callable[[], object], rounds: int, fast_per_round: int = 1
-) -> tuple[float, float]:
-    """Median times [ms] of two calls made in turn, so that a busy moment of the machine strikes both.
+@contextmanager
+def both_threads(count: int = 1) -> Iterator[int]:
+    """Give kernels and torch `count` threads inside the block; yields those of kernels.
 
-    The fast one is called `fast_per_round` times in each round. Warm both up before.
+    One is what planners and filters are timed with: they ask for no more.
     """
-    slow_ms, fast_ms = [], []
+    before = torch.get_num_threads()
+    try:
+        with threads(count) as used:
+            torch.set_num_threads(count)
+            yield used
+    finally:
+        torch.set_num_threads(before)
+
+
+def time_interleaved(
+    paper: Callable[[], Result], fast: Callable[[], Result], rounds: int, fast_per_round: int = 1
+) -> tuple[float, float, Result, Result]:
+    """Median times [ms] and last results of two calls made in turn: a busy moment of the machine strikes both.
+
+    The fast one is called `fast_per_round` times in each round, and once before, to be compiled.
+    """
+    fast()
+    slow, quick = [], []
     for _ in range(rounds):
-        slow_ms.append(milliseconds(paper))
-        fast_ms += [milliseconds(fast) for _ in range(fast_per_round)]
-    return statistics.median(slow_ms), statistics.median(fast_ms)
+        slow.append(_timed(paper))
+        quick += [_timed(fast) for _ in range(fast_per_round)]
+    slow_ms, fast_ms = (statistics.median(spent for spent, _ in calls) for calls in (slow, quick))
+    return slow_ms, fast_ms, slow[-1][1], quick[-1][1]
 
 
 def median_ms(call: Callable[[], object], repeats: int) -> float:
@@ -49,6 +74,10 @@ def median_ms(call: Callable[[], object], repeats: int) -> float:
 
 def milliseconds(call: Callable[[], object]) -> float:
     """Time a call [ms]."""
+    return _timed(call)[0]
+
+
+def _timed(call: Callable[[], Result]) -> tuple[float, Result]:
     begun = time.perf_counter()
-    call()
-    return 1e3 * (time.perf_counter() - begun)
+    result = call()
+    return 1e3 * (time.perf_counter() - begun), result

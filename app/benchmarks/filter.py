@@ -16,8 +16,7 @@ from nerfnav.experiments import Arena
 from nerfnav.experiments.arena import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer
-from nerfnav_app.benchmarks.comparison import Comparison, milliseconds, time_interleaved
-from nerfnav_app.benchmarks.plan import both_threads
+from nerfnav_app.benchmarks.comparison import Comparison, both_threads, milliseconds, time_interleaved
 
 _PIXELS = 1024
 _DT = 0.1
@@ -57,8 +56,11 @@ def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int =
         found = [_compare(paper, fast, one, (rounds, fast_per_round)) for one in seen]
         searches = _search_times(fast, seen, fast_per_round)
     slow_ms, fast_ms = statistics.median(row[0] for row in found), statistics.median(row[1] for row in found)
-    detail = {"pixels": float(_PIXELS), "views": float(views)}
-    detail["search_p95_ms"] = statistics.quantiles(searches, n=20, method="inclusive")[-1]
+    detail = {
+        "pixels": float(_PIXELS),
+        "views": float(views),
+        "search_p95_ms": statistics.quantiles(searches, n=20, method="inclusive")[-1],
+    }
     for name, errors in (
         ("paper", torch.stack([row[2] for row in found])),
         ("fast", torch.stack([row[3] for row in found])),
@@ -102,14 +104,10 @@ def _compare(
     paper: Estimator, fast: Estimator, now: Situation, effort: tuple[int, int]
 ) -> tuple[float, float, Tensor, Tensor]:
     """Times of both [ms], and their errors in the tangent of the truth."""
-    means: dict[str, RigidState] = {}
-
-    def update(name: str, estimator: Estimator) -> None:
-        means[name] = now.updated(estimator)
-
-    update("fast", fast)
-    slow_ms, fast_ms = time_interleaved(lambda: update("paper", paper), lambda: update("fast", fast), *effort)
-    return slow_ms, fast_ms, now.truth.local(means["paper"]), now.truth.local(means["fast"])
+    slow_ms, fast_ms, by_paper, by_fast = time_interleaved(
+        lambda: now.updated(paper), lambda: now.updated(fast), *effort
+    )
+    return slow_ms, fast_ms, now.truth.local(by_paper), now.truth.local(by_fast)
 
 
 def _rmse(errors: Tensor) -> float:

@@ -1,20 +1,12 @@
 """A plan from scratch: A* and 2,500 iterations of Adam in plain torch against the fast planner, A* included."""
 
 import statistics
-from collections.abc import Iterator
-from contextlib import contextmanager
-
-import torch
 
 from nerfnav import robots
-from nerfnav.core.jit import threads
 from nerfnav.core.steps import run_steps
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, plan, plan_fast
-from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
-
-THREADS, TORCH_THREADS = 1, 1
-"""Threads of compiled kernels, and of torch: what plans and filters asks for no more."""
+from nerfnav_app.benchmarks.comparison import Comparison, both_threads, time_interleaved
 
 
 def problems_of(arena: Arena, tasks: int) -> tuple[PlanProblem, ...]:
@@ -23,18 +15,6 @@ def problems_of(arena: Arena, tasks: int) -> tuple[PlanProblem, ...]:
         PlanProblem(arena.field, robots.load(task.robot), task.start_state, task.goal_state)
         for task in arena.scene.tasks[:tasks]
     )
-
-
-@contextmanager
-def both_threads() -> Iterator[int]:
-    """Give kernels and torch as many threads inside the block as planners are timed with; yields those of kernels."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(TORCH_THREADS)
-    try:
-        with threads(THREADS) as used:
-            yield used
-    finally:
-        torch.set_num_threads(before)
 
 
 def measure(
@@ -49,8 +29,11 @@ def measure(
     problems = problems_of(arena, tasks)
     with both_threads() as used:
         found = [_compare(problem, paper, rounds, fast_per_round) for problem in problems]
-    detail = {"max_j_ratio": max(row[2] for row in found), "torch_threads": float(TORCH_THREADS)}
-    detail["median_ratio"] = statistics.median(slow / fast for slow, fast, _ in found)
+    detail = {
+        "max_j_ratio": max(row[2] for row in found),
+        "torch_threads": 1.0,
+        "median_ratio": statistics.median(slow / fast for slow, fast, _ in found),
+    }
     for number, (slow, fast, ratio) in enumerate(found):
         detail |= {f"task_{number}_time_ratio": slow / fast, f"task_{number}_j_ratio": ratio}
     slow_ms, fast_ms, _ = zip(*found, strict=True)
@@ -60,14 +43,11 @@ def measure(
 def _compare(problem: PlanProblem, paper: PlanConfig, rounds: int, per_round: int) -> tuple[float, float, float]:
     """Times of both [ms] and the ratio of their final J."""
     occupancy = OccupancyMap.of(problem.field, problem.robot.body)
-    totals: dict[str, float] = {}
-
-    def slow() -> None:
-        totals["paper"] = run_steps(plan(problem, paper, occupancy)).cost.total
-
-    def fast() -> None:
-        totals["fast"] = run_steps(plan_fast(problem, FastPlanConfig(weights=paper.weights), occupancy)).cost.total
-
-    fast()  # compiled, and the map's prices made
-    slow_ms, fast_ms = time_interleaved(slow, fast, rounds, per_round)
-    return slow_ms, fast_ms, totals["fast"] / totals["paper"]
+    config = FastPlanConfig(weights=paper.weights)
+    slow_ms, fast_ms, slow, fast = time_interleaved(
+        lambda: run_steps(plan(problem, paper, occupancy)),
+        lambda: run_steps(plan_fast(problem, config, occupancy)),
+        rounds,
+        per_round,
+    )
+    return slow_ms, fast_ms, fast.cost.total / slow.cost.total

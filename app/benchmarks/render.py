@@ -3,16 +3,13 @@
 The views and the threads, as many for torch as for kernels, are those of benchmarks/train_step.py, too.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import torch
+from torch import Tensor
 
-from nerfnav.core.jit import threads
 from nerfnav.experiments import Arena
 from nerfnav.field import Rendering, render_rays, uniform_samples
-from nerfnav.geometry import Camera, Pose, look_at
-from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
+from nerfnav.geometry import Camera, look_at
+from nerfnav_app.benchmarks.comparison import Comparison, both_threads, time_interleaved
 
 THREADS = 2
 """Threads of compiled kernels and of torch, whose large tensors gain by them."""
@@ -23,22 +20,18 @@ _RADIUS = 0.3
 """How far from the box's middle they stand, as a share of its edges."""
 
 
-@contextmanager
-def threads_argument() -> Iterator[None]:
-    """Give kernels and torch the same number of threads inside the block."""
-    with threads(THREADS):  # which gives torch its own number back
-        torch.set_num_threads(THREADS)
-        yield
+def rays_in(arena: Arena, count: int, size: int) -> tuple[Tensor, Tensor]:
+    """Origins and directions of the rays of cameras of `size` x `size` pixels, on a ring in the box.
 
-
-def views_in(arena: Arena, count: int, size: int) -> list[tuple[Camera, Pose]]:
-    """Cameras of `size` x `size` pixels on a ring in the box, at poses T_world_camera, that look across its middle."""
+    They look across the middle of the box.
+    """
     box, camera = arena.field.box, Camera.from_fov(size, size, _FOV_DEG)
     angles = torch.arange(count) * (2 * torch.pi / count)
     ring = torch.stack([angles.cos(), angles.sin(), torch.zeros(count)], -1)
     low = torch.tensor([0.0, 0.0, (_CAMERA_HEIGHT - 0.5)]) * box.size
     eyes = box.center + low + _RADIUS * box.size * ring
-    return [(camera, look_at(eye, box.center + low)) for eye in eyes]
+    origins, directions = zip(*(camera.rays(look_at(eye, box.center + low)) for eye in eyes), strict=True)
+    return torch.cat(origins), torch.cat(directions)
 
 
 _RAYS_AT_ONCE = 4096
@@ -52,32 +45,26 @@ def measure(arena: Arena, pictures: int = 3, size: int = 100, rounds: int = 1, f
     largest difference of any colour (in [0, 1]) between torch with all samples and the kernel.
     """
     field = arena.field
-    rays = [camera.rays(pose) for camera, pose in views_in(arena, pictures, size)]
-    origins, directions = (torch.cat(parts) for parts in zip(*rays, strict=True))
+    origins, directions = rays_in(arena, pictures, size)
     batches = list(zip(origins.split(_RAYS_AT_ONCE), directions.split(_RAYS_AT_ONCE), strict=True))
-    result: dict[str, torch.Tensor] = {}
 
-    def slow() -> None:
-        with torch.no_grad():
-            result["paper"] = _colors(
-                [render_rays(field, *pair, uniform_samples(field.box, *pair, field.step)) for pair in batches]
-            )
+    @torch.no_grad()
+    def slow() -> Tensor:
+        return _colors([render_rays(field, *pair, uniform_samples(field.box, *pair, field.step)) for pair in batches])
 
-    def given() -> None:
-        with torch.no_grad():
-            _colors([render_rays(field, *pair, found) for pair, found in zip(batches, samples, strict=True)])
+    @torch.no_grad()
+    def given() -> Tensor:
+        return _colors([render_rays(field, *pair, found) for pair, found in zip(batches, samples, strict=True)])
 
-    def fast() -> None:
-        result["fast"] = _colors([field.render_rays(*pair) for pair in batches])
+    def fast() -> Tensor:
+        return _colors([field.render_rays(*pair) for pair in batches])
 
-    with threads_argument():
-        fast()  # compiled
+    with both_threads(THREADS):
         samples = [field.samples(*pair) for pair in batches]
-        slow_ms, fast_ms = time_interleaved(slow, fast, rounds, fast_per_round)
-        given_ms, _ = time_interleaved(given, fast, rounds)
-    difference = (result["paper"] - result["fast"]).abs().max().item()
+        slow_ms, fast_ms, expected, seen = time_interleaved(slow, fast, rounds, fast_per_round)
+        given_ms, *_ = time_interleaved(given, fast, rounds)
     detail = {
-        "max_color_difference": difference,
+        "max_color_difference": (expected - seen).abs().max().item(),
         "paper_given_samples_ms": given_ms,
         "rays": float(len(origins)),
         "torch_threads": float(THREADS),
@@ -85,5 +72,5 @@ def measure(arena: Arena, pictures: int = 3, size: int = 100, rounds: int = 1, f
     return Comparison("render", slow_ms, fast_ms, THREADS, detail)
 
 
-def _colors(parts: list[Rendering]) -> torch.Tensor:
+def _colors(parts: list[Rendering]) -> Tensor:
     return torch.cat([part.color for part in parts])

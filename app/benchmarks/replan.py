@@ -12,7 +12,6 @@ from nerfnav.planner import (
     OccupancyMap,
     PlanConfig,
     PlanProblem,
-    PlanResult,
     PlanSteps,
     plan_fast,
     replan,
@@ -20,8 +19,8 @@ from nerfnav.planner import (
 )
 from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.robots import Motion
-from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
-from nerfnav_app.benchmarks.plan import both_threads, problems_of
+from nerfnav_app.benchmarks.comparison import Comparison, both_threads, time_interleaved
+from nerfnav_app.benchmarks.plan import problems_of
 
 _KICK_M, _KICK_RAD = 0.02, 0.02
 """How a robot is pushed in one step, as in the paper: 2 cm, 0.02 rad; half of that on the rates."""
@@ -65,22 +64,19 @@ def _compare(
     rounds, per_round, iterations = effort
     paper = PlanConfig(iterations=iterations)
     config = FastPlanConfig(weights=paper.weights)
-    last: dict[str, PlanResult] = {}
 
-    def slow() -> None:
+    def fast_steps() -> PlanSteps:
+        return replan_from(problem, motion, 1, config, occupancy)
+
+    def adam_steps() -> PlanSteps:
         trajectory = shift_warm_start(motion, problem.start, problem.goal, problem.robot, steps=problem.steps)
-        last["paper"] = run_steps(replan(problem, trajectory, paper))
+        return replan(problem, trajectory, paper)
 
-    def fast() -> None:
-        last["fast"] = run_steps(replan_from(problem, motion, 1, config, occupancy))
-
-    fast()
-    slow_ms, fast_ms = time_interleaved(slow, fast, rounds, per_round)
-    paper_total = last["paper"].cost.total
-    same_ms = statistics.median(
-        _until(replan_from(problem, motion, 1, config, occupancy), paper_total) for _ in range(per_round)
+    slow_ms, fast_ms, slow, fast = time_interleaved(
+        lambda: run_steps(adam_steps()), lambda: run_steps(fast_steps()), rounds, per_round
     )
-    return slow_ms, fast_ms, same_ms, last["fast"].cost.total / paper_total
+    same_ms = statistics.median(_until(fast_steps(), slow.cost.total) for _ in range(per_round))
+    return slow_ms, fast_ms, same_ms, fast.cost.total / slow.cost.total
 
 
 def _until(steps: PlanSteps, total: float) -> float:

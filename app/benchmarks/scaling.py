@@ -19,9 +19,9 @@ from nerfnav.planner import (
     first_guess,
     plan_fast,
 )
-from nerfnav.robots import Body, Quadrotor, QuadrotorConfig
-from nerfnav_app.benchmarks.comparison import median_ms
-from nerfnav_app.benchmarks.plan import both_threads, problems_of
+from nerfnav.robots import Quadrotor, QuadrotorConfig
+from nerfnav_app.benchmarks.comparison import both_threads, median_ms
+from nerfnav_app.benchmarks.plan import problems_of
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -65,8 +65,7 @@ def measure(arena: Arena, repeats: int = 30, tasks: int = 10) -> Scaling:
             for config in (one, many)
         ]
     steps, points, spent = (np.array(column) for column in zip(*rows, strict=True))
-    search = many.search
-    starts = len(search.roundings) + search.ways - 1 + search.straight
+    starts = len(many.search.roundings) + many.search.ways - 1 + many.search.straight
     return Scaling(steps, points, spent, float(np.median(times[0])), float(np.median(times[1])), starts, used)
 
 
@@ -93,5 +92,4 @@ def _iteration(
     guess = first_guess(sized, InitialGuess.STRAIGHT, FastPlanConfig().occupancy).trajectories[0]
     objective = Objective(sized.context(FastPlanConfig().weights), sized.route, sized.terms)
     free = guess.free.double().numpy()
-    body: Body = robot.body
-    return len(body.points_body), median_ms(lambda: objective(free), repeats)
+    return len(robot.body.points_body), median_ms(lambda: objective(free), repeats)

@@ -6,8 +6,8 @@ import torch
 from nerfnav.experiments import Arena
 from nerfnav.field import GridLearner, LearningRates, RayBatch, TorchLearner, TrainConfig
 from nerfnav.field.core.occupancy import VOXELS_IN_UNIT
-from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
-from nerfnav_app.benchmarks.render import THREADS, threads_argument, views_in
+from nerfnav_app.benchmarks.comparison import Comparison, both_threads, time_interleaved
+from nerfnav_app.benchmarks.render import THREADS, rays_in
 
 _VIEWS, _SIZE = 8, 64
 
@@ -21,7 +21,7 @@ def measure(arena: Arena, rays: int = 1024, rounds: int = 3, fast_per_round: int
     batch = _batch(arena, rays)
     config = TrainConfig()
     rates = LearningRates(1e-4, 1e-4, config.sparsity)  # small: the state stays what it is
-    with threads_argument():
+    with both_threads(THREADS):
         fast = GridLearner.of(arena.field, VOXELS_IN_UNIT * 2 * arena.field.step, THREADS)
         slow = TorchLearner.of(fast, torch.device("cpu"))
         error, gradient = fast.gradient(batch, config.sparsity), fast.inner.dense_gradient()
@@ -33,9 +33,8 @@ def measure(arena: Arena, rays: int = 1024, rounds: int = 3, fast_per_round: int
             "rays": float(rays),
             "torch_threads": float(THREADS),
         }
-        fast.step(batch, rates)  # compiled
-        slow.step(batch, rates)
-        slow_ms, fast_ms = time_interleaved(
+        slow.step(batch, rates)  # warm; so is the fast one before it is timed
+        slow_ms, fast_ms, *_ = time_interleaved(
             lambda: slow.step(batch, rates), lambda: fast.step(batch, rates), rounds, fast_per_round
         )
     return Comparison("train_step", slow_ms, fast_ms, THREADS, detail)
@@ -43,8 +42,7 @@ def measure(arena: Arena, rays: int = 1024, rounds: int = 3, fast_per_round: int
 
 def _batch(arena: Arena, count: int) -> RayBatch:
     """Rays of random pixels of views in the arena, with random colours to learn."""
-    rays = [camera.rays(pose) for camera, pose in views_in(arena, _VIEWS, _SIZE)]
-    origins, directions = (torch.cat(parts) for parts in zip(*rays, strict=True))
+    origins, directions = rays_in(arena, _VIEWS, _SIZE)
     generator = torch.Generator().manual_seed(0)
     chosen = torch.randperm(len(origins), generator=generator)[:count]
     targets = torch.rand(len(chosen), 3, generator=generator)

@@ -5,7 +5,7 @@ A route is what `plan` and `fly` need: the place, start and goal, the planner.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -18,6 +18,7 @@ from nerfnav.field import UnknownSpace
 from nerfnav.importers import AXES, MeasuredDistance, Placement
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
 from nerfnav.planner.solvers.duration import is_hurried
+from nerfnav.world import Task
 from nerfnav_app.cli.terminal import Output
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
@@ -65,7 +66,7 @@ def words_argument(metavar: str, read: Callable[[list[str]], tuple[float, ...]])
     )
 
 
-def vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:
+def vector(numbers: Sequence[float]) -> tuple[float, float, float]:
     """Check that there are three numbers, for the type checker."""
     x, y, z = numbers
     return x, y, z
@@ -101,12 +102,11 @@ class PlacementArguments:
 
     def placement(self) -> Placement:
         """Convert to the record that jobs take."""
-        up, picked, box = (None if self.up is None else vector(self.up)), self.picked, self.box
         return Placement(
-            up,
+            None if self.up is None else vector(self.up),
             self.scale,
-            None if picked is None else measured_distance(picked),
-            None if box is None else (vector(box[:3]), vector(box[3:])),
+            None if self.picked is None else measured_distance(self.picked),
+            None if self.box is None else (vector(self.box[:3]), vector(self.box[3:])),
         )
 
 
@@ -150,11 +150,8 @@ class Route(Output):
         if self.robot is not None:
             return open_place(self.place, self.robot)
         place = open_place(self.place)
-        tasks = place.tasks
-        number = self.task or 0
-        if self.start is not None or not 0 <= number < len(tasks):
-            return place
-        return place.with_robot(tasks[number].robot)
+        task = self._task(place)
+        return place if task is None else place.with_robot(task.robot)
 
     def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
         """Make the request for the planner."""
@@ -162,7 +159,7 @@ class Route(Output):
         dt = PlanRequest.dt if self.dt is None else self.dt
         ends = self._ends(place)
         distance = math.dist(ends.start.position, ends.goal.position)
-        unknown = self.task_name(place) is None or is_hurried(place.robot, distance, steps * dt)
+        unknown = self._task(place) is None or is_hurried(place.robot, distance, steps * dt)
         return PlanRequest(
             ends,
             steps=steps,
@@ -193,27 +190,37 @@ class Route(Output):
 
     def task_name(self, place: Place) -> str | None:
         """Name of the task; None where start and goal are given."""
-        tasks = place.tasks
+        task = self._task(place)
+        return None if task is None else task.name
+
+    def _task(self, place: Place) -> Task | None:
+        """The task; None where a start is given, or no task has the number."""
         number = self.task or 0
-        return tasks[number].name if self.start is None and 0 <= number < len(tasks) else None
+        return place.tasks[number] if self.start is None and 0 <= number < len(place.tasks) else None
 
     def _ends(self, place: Place) -> Ends:
         """Start and goal. Raises InvalidInputError where the arguments do not give both."""
-        tasks = place.tasks
         if self.start is not None and self.goal is not None and self.task is None:
             return Ends(_end_of(self.start), _end_of(self.goal))
         if self.start is not None or self.goal is not None:
             raise InvalidInputError("give either --task, or both --start and --goal")
-        if not tasks:
+        if not place.tasks:
             raise InvalidInputError(f"{place.name} has no tasks: give --start and --goal")
-        number = self.task or 0
-        if not 0 <= number < len(tasks):
-            raise InvalidInputError(f"{place.name} has tasks 0 to {len(tasks) - 1}, not {number}")
-        return Ends.of_task(tasks[number])
+        task = self._task(place)
+        if task is None:
+            raise InvalidInputError(f"{place.name} has tasks 0 to {len(place.tasks) - 1}, not {self.task}")
+        return Ends.of_task(task)
 
 
 def _end_of(read: tuple[float, ...]) -> End:
     return End((read[0], read[1], read[2]), read[3] if len(read) == 4 else 0.0)
+
+
+def with_settings(arguments: type[Any], settings: object) -> type[Any]:
+    """Add settings, with names as short as its own, to the arguments of a command."""
+    config = ("config", Annotated[type(settings), arg(name="")], field(default=settings))
+    about = {"__doc__": arguments.__doc__}
+    return make_dataclass("Arguments", [config], bases=(arguments,), frozen=True, namespace=about)
 
 
 def find_planner(words: Sequence[str]) -> PlannerEntry:

@@ -55,8 +55,7 @@ def _bar() -> Iterator[tuple[rich.progress.Progress, rich.progress.TaskID]]:
         rich.progress.TextColumn("{task.fields[details]}"),
     )
     console = Console(stderr=True)
-    hidden = not console.is_terminal
-    with rich.progress.Progress(*columns, console=console, transient=True, disable=hidden) as bars:
+    with rich.progress.Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
         yield bars, bars.add_task("starting", total=1.0, details="")
 
 

@@ -5,10 +5,10 @@ steps (PlanStep, FilterStep, NavigationStep, TrainStep) are events as they are; 
 The consumer that runs a job, the worker, adds the event of its end (JobFinished, JobFailed).
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from jaxtyping import UInt8
 from torch import Tensor
@@ -128,6 +128,24 @@ JobReport = JobEvent | JobFinished | JobFailed
 
 JobEvents = Generator[JobEvent, bool | None, JobResult]
 """Generator of a job. Closing it cancels it; some jobs take True, and end early with what they have."""
+
+
+Step = TypeVar("Step")
+Result = TypeVar("Result")
+
+
+def relay_steps(
+    steps: Generator[Step, Any, Result], events_of: Callable[[Step], Sequence[Any]]
+) -> Generator[Any, Any, Result]:
+    """Yield the events of each step, and return what the steps return; the answer to the last event is passed on."""
+    answer: Any = None
+    while True:
+        try:
+            step = steps.send(answer)
+        except StopIteration as end:
+            return end.value
+        for event in events_of(step):
+            answer = yield event
 
 
 class JobRun:

@@ -84,7 +84,4 @@ def default_ends(place: Place, task: str | None) -> Ends | None:
         return Ends(
             End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
         )
-    for each in place.tasks:
-        if each.name == task:
-            return Ends.of_task(each)
-    return None
+    return next((Ends.of_task(each) for each in place.tasks if each.name == task), None)

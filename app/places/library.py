@@ -21,10 +21,10 @@ from pathlib import Path
 
 from platformdirs import user_data_path
 
-from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.core.files import replace_file
 from nerfnav_app.places.robot_library import RobotLibrary
-from nerfnav_app.places.uploads import check_upload, folder_of, write_upload
+from nerfnav_app.places.uploads import NameRefusedError, check_name, check_upload, folder_of, write_upload
 
 ABOUT, PICTURE = "place.json", "picture.jpg"
 """Files in its folder: what is known of it, and what it looks like."""
@@ -103,11 +103,7 @@ def keep_picture(place: KeptPlace, picture: bytes) -> None:
 
 VARIABLE = "NERFNAV_PLACES"
 """Environment variable with the folder of the library."""
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
-
-
-class PlaceNameError(NerfnavError):
-    """A name that no place can have."""
+_LONGEST_NAME = 60
 
 
 class PlaceLibrary:
@@ -115,9 +111,8 @@ class PlaceLibrary:
 
     def __init__(self, folder: Path | None = None) -> None:
         """Without a folder, the one that NERFNAV_PLACES names, else places/ in the user's data folder."""
-        named = os.environ.get(VARIABLE)
         own = user_data_path("nerfnav", appauthor=False) / "places"
-        self.folder = folder or (Path(named) if named else own)
+        self.folder = folder or Path(os.environ.get(VARIABLE) or own)
         self.robots = RobotLibrary(self.folder / "robots")
         self._brought: list[Path] = []
 
@@ -127,13 +122,12 @@ class PlaceLibrary:
         Raises UploadError for files that are empty, too large, of no kind that can be opened, or do not fit the disk.
         """
         safe = check_upload(name, content)
-        folder = self.folder / folder_of(content)
-        known = read_place(folder)
+        path = self.folder / folder_of(content) / safe
+        known = read_place(path.parent)
         if known is not None and Path(known.what).is_file():
             return Path(known.what)
-        path = folder / safe
         write_upload(path, content)
-        self._brought.append(folder)
+        self._brought.append(path.parent)
         return path
 
     def entries(self) -> tuple[KeptPlace, ...]:
@@ -142,8 +136,7 @@ class PlaceLibrary:
 
     def place_of(self, path: str | Path) -> KeptPlace | None:
         """The place that a file belongs to."""
-        folder = Path(path).parent
-        return read_place(folder) if self.holds(path) else None
+        return read_place(Path(path).parent) if self.holds(path) else None
 
     def holds(self, path: str | Path) -> bool:
         """Check whether a file is in the library."""
@@ -151,10 +144,9 @@ class PlaceLibrary:
 
     def opened(self, source: Path, field: Path, picture: bytes) -> KeptPlace | None:
         """Note that the place of a `source` in the library was opened, with its field; None for files elsewhere."""
-        folder = source.parent
         if not self.holds(source):
             return None
-        known = read_place(folder)
+        known = read_place(source.parent)
         if known is None:
             name = self._free_name(re.sub(r"[^A-Za-z0-9 ._-]", "_", source.stem).strip(" ._-") or "place")
             known = KeptPlace.of_now(name, source, field)
@@ -165,13 +157,9 @@ class PlaceLibrary:
     def rename(self, key: str, to: str) -> None:
         """Give a place another name. Raises NerfnavError where it is bad or taken."""
         place = self._place(key)
-        if not _NAME.fullmatch(to) or to.endswith((".", " ")):
-            raise PlaceNameError(
-                "a name has up to 60 letters, digits, spaces, '.', '_' and '-', begins with a letter or a digit, and "
-                "does not end with a dot or a space"
-            )
+        check_name(to, _LONGEST_NAME)
         if any(other.name == to and other.key != key for other in self._all()):
-            raise PlaceNameError(f"there is already a place called {to!r}: choose another name")
+            raise NameRefusedError(f"there is already a place called {to!r}: choose another name")
         write_place(replace(place, name=to))
 
     def delete(self, key: str) -> None:

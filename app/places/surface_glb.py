@@ -114,12 +114,11 @@ def _glb(
     faces, below = _by_height(vertices, np.asarray(triangles))
     parts = [vertices.tobytes(), values.tobytes(), faces.tobytes(), *([picture] if picture else [])]
     offsets = np.cumsum([0, *map(len, parts)]).tolist()
-    views: list[dict[str, int]] = [
-        {"buffer": 0, "byteOffset": offset, "byteLength": len(part)}
-        for offset, part in zip(offsets, parts, strict=False)
+    targets = ({"target": _VERTICES}, {"target": _VERTICES}, {"target": _INDICES}, {})  # a picture has none
+    views = [
+        {"buffer": 0, "byteOffset": offset, "byteLength": len(part), **target}
+        for offset, part, target in zip(offsets, parts, targets, strict=False)
     ]
-    for view, target in zip(views, (_VERTICES, _VERTICES, _INDICES), strict=False):
-        view["target"] = target  # a picture has none
     low, high = vertices.min(0).tolist(), vertices.max(0).tolist()
     kind = f"VEC{values.shape[1]}"
     accessors = [

@@ -45,6 +45,21 @@ def safe_name(name: str) -> str:
     return harmless or "upload"
 
 
+class NameRefusedError(NerfnavError):
+    """A name that no stored flight or place can have."""
+
+
+def check_name(name: str, longest: int) -> str:
+    """The name, if it is harmless: no folders, nothing hidden, no longer than that. Raises NameRefusedError."""
+    harmless = isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9 ._-]*", name)
+    if not harmless or len(name) > longest or name.endswith((".", " ")):
+        raise NameRefusedError(
+            f"a name has up to {longest} letters, digits, spaces, '.', '_' and '-', begins with a letter or a digit, "
+            "and does not end with a dot or a space"
+        )
+    return name
+
+
 def folder_of(*content: bytes) -> str:
     """The name of the folder in which a library keeps some content: what is the same is there once."""
     digest = hashlib.sha256()

@@ -3,6 +3,7 @@
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -72,15 +73,12 @@ def _views(ends: np.ndarray, box: tuple[Point, Point]) -> Iterator[View]:
     if apart > _SMALL * float(np.linalg.norm(np.subtract(box[1], box[0]))):
         yield view_of_box(*box)
     ahead = np.array(_FROM) / np.linalg.norm(_FROM)
-    for nearness in _NEARNESS:
-        for rise in _RISES:
-            for turn in range(_TURNS):
-                # to both sides in turn
-                angle = (-1) ** turn * ((turn + 1) // 2) * 2 * np.pi / _TURNS
-                cosine, sine = np.cos(angle), np.sin(angle)
-                flat = np.array([cosine * ahead[0] - sine * ahead[1], sine * ahead[0] + cosine * ahead[1]])
-                direction = np.array([*flat, rise]) / np.hypot(1, rise)
-                yield _point(middle + nearness * apart * direction), _point(middle)
+    for nearness, rise, turn in itertools.product(_NEARNESS, _RISES, range(_TURNS)):
+        angle = (-1) ** turn * ((turn + 1) // 2) * 2 * np.pi / _TURNS  # to both sides in turn
+        cosine, sine = np.cos(angle), np.sin(angle)
+        flat = (cosine * ahead[0] - sine * ahead[1], sine * ahead[0] + cosine * ahead[1])
+        direction = np.array([*flat, rise]) / np.hypot(1, rise)
+        yield _point(middle + nearness * apart * direction), _point(middle)
 
 
 def _point(vector: np.ndarray) -> Point:

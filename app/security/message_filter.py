@@ -172,12 +172,12 @@ def _makes_sense(message: viser_messages.Message) -> bool:
         case viser_messages.TransformControlsUpdateMessage():
             return _is_attitude(message.wxyz)
         case viser_messages.ViewerCameraMessage():
-            edges = (message.image_width, message.image_height)
             return (
                 _is_attitude(message.wxyz)
                 and 0 < message.fov < np.pi
                 and 0 < message.near < message.far
-                and all(0 <= edge <= _MOST_PIXELS for edge in edges)
+                and 0 <= message.image_width <= _MOST_PIXELS
+                and 0 <= message.image_height <= _MOST_PIXELS
                 and bool(np.any(message.up_direction))
             )
         case viser_messages.ScenePointerMessage():

@@ -6,8 +6,9 @@ import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
-from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.places.uploads import NameRefusedError, check_name
 from nerfnav_app.storage import run_metadata as about
 from nerfnav_app.storage.output_files import OutputError, prepare_folder
 from nerfnav_app.storage.step_codec import FILE
@@ -18,11 +19,6 @@ VARIABLE = "NERFNAV_RUNS"
 MOST_LISTED = 200
 """Flights that are listed at most; older ones can still be named."""
 _LONGEST_NAME = 80
-_NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9 ._-]{{0,{_LONGEST_NAME - 1}}}")
-
-
-class RunNameError(NerfnavError):
-    """A name that no flight can have."""
 
 
 class RunStore:
@@ -87,7 +83,7 @@ class RunStore:
         if name == to:
             return
         if os.path.lexists(target):
-            raise RunNameError(f"there is already something called {to!r}: choose another name")
+            raise NameRefusedError(f"there is already something called {to!r}: choose another name")
         try:
             path.rename(target)
         except OSError as error:
@@ -122,13 +118,8 @@ class RunStore:
 
 
 def checked(name: str) -> str:
-    """The name, if a flight can have it: no folders, nothing hidden. Raises RunNameError."""
-    if not isinstance(name, str) or not _NAME.fullmatch(name) or name.endswith((".", " ")):
-        raise RunNameError(
-            f"a name has up to {_LONGEST_NAME} letters, digits, spaces, '.', '_' and '-', begins with a letter or a "
-            "digit, and does not end with a dot or a space"
-        )
-    return name
+    """The name, if a flight can have it. Raises NameRefusedError."""
+    return check_name(name, _LONGEST_NAME)
 
 
 def _entry(path: Path) -> about.StoredRun | None:

@@ -7,7 +7,6 @@ pictures/       the camera's picture of each step as JPEG
 Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +60,6 @@ def keep_picture(folder: Path, image: Tensor, index: int) -> str:
 def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
     """A step as it was written, with its picture where `folder` is given."""
     plan, action = content["plan"], content["action"]
-    states = _state(torch.tensor(plan["states"]).reshape(-1, 18))
-    actions = torch.tensor(plan["actions"]).reshape(plan["shape"])
     outcome, recovery = content["outcome"], content["recovery"]
     return NavigationStep(
         index=int(content["index"]),
@@ -72,7 +69,11 @@ def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         belief=Belief(_state(torch.tensor(content["belief"])), torch.tensor(content["covariance"]).reshape(12, 12)),
         image=None if folder is None or content["picture"] is None else _picture(folder, content["index"]),
         update=None,
-        plan=Motion(states, actions, float(plan["dt"])),
+        plan=Motion(
+            _state(torch.tensor(plan["states"]).reshape(-1, 18)),
+            torch.tensor(plan["actions"]).reshape(plan["shape"]),
+            float(plan["dt"]),
+        ),
         touched=bool(content["touched"]),
         filter_ms=float(content["filter_ms"]),
         replan_ms=float(content["replan_ms"]),
@@ -98,5 +99,5 @@ def _state(flat: Tensor) -> RigidState:
     return RigidState(position, velocity, rotation.unflatten(-1, (3, 3)), rate)
 
 
-def _numbers(tensor: Tensor) -> Sequence[float]:
+def _numbers(tensor: Tensor) -> list[float]:
     return [float(f"{value:.9g}") for value in tensor.detach().reshape(-1).tolist()]

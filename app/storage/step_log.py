@@ -4,8 +4,8 @@ Each step is on disk at once: kill -9 costs at most one of them. app/storage/ste
 """
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -112,19 +112,11 @@ class StepLog:
                 folder.rmdir()
 
 
-@contextmanager
 def open_step_log(
     folder: Path | None, flight: run_metadata.RunMetadata, numbers: Callable[[Episode], dict[str, Any]]
-) -> Iterator[StepLog | None]:
+) -> AbstractContextManager[StepLog | None]:
     """A log in `folder`; None writes nothing. However the flight ends, what was flown stays."""
-    if folder is None:
-        yield None
-        return
-    log = StepLog(folder, flight, numbers)
-    try:
-        yield log
-    finally:
-        log.close()
+    return nullcontext() if folder is None else closing(StepLog(folder, flight, numbers))
 
 
 def lock_for(path: Path) -> BaseFileLock:

@@ -27,12 +27,10 @@ _ROOM = 0.03
 def find_kidnap_pose(place: Place, truth: RigidState, generator: torch.Generator) -> Pose | None:
     """Find a pose at which the robot fits, far from where it is; None where there is none."""
     planned = prepare_place(place, UnknownSpace.OCCUPIED)
-    body = planned.robot.body_with_room(_ROOM)
-
-    def fits_there(state: RigidState) -> bool:
-        return fits(planned.field, body, planned.robot.settled(state, truth))
-
-    return sample_kidnap_pose(truth, planned.field.box, fits_there, generator)
+    robot, body = planned.robot, planned.robot.body_with_room(_ROOM)
+    return sample_kidnap_pose(
+        truth, planned.field.box, lambda state: fits(planned.field, body, robot.settled(state, truth)), generator
+    )
 
 
 class SessionRequests:

@@ -54,7 +54,6 @@ def run(arguments: Arguments) -> None:
 
 def examine() -> dict[str, Any]:
     """Collect the findings by name."""
-    browsers = {name: path for name in _BROWSERS if (path := shutil.which(name))}
     return {
         "python": platform.python_version(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
@@ -62,6 +61,6 @@ def examine() -> dict[str, Any]:
         "torch": torch.__version__,
         "gpu": torch.cuda.get_device_name(0) if torch.cuda.is_available() else None,
         "kernels": check_kernels(),
-        "browser": next(iter(browsers.values()), None),
+        "browser": next(filter(None, map(shutil.which, _BROWSERS)), None),
         "retraction": retraction_backend(),
     }

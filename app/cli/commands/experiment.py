@@ -1,37 +1,22 @@
 """nerfnav experiment: reproduce the experiments of the paper, and run those of nerfnav."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output, note
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentRequest
+from nerfnav_app.jobs.measure.experiment import ExperimentOptions, ExperimentRequest
 from nerfnav_app.jobs.measure.experiment import run as run_job
 
 
 @dataclass(frozen=True)
-class Arguments(Output):
+class Arguments(ExperimentOptions, Output):
     """Run an experiment: many trials, judged on the ground truth, with a table and figures."""
 
-    name: Annotated[Positional[str], arg(help=f"Name: {', '.join(EXPERIMENTS)}.")]
-    trials: int | None = None
-    """Number of trials (default: by the experiment)."""
-    jobs: int | None = None
-    """Trials at the same time (default: 1)."""
-    ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
-    """Ray cluster for the trials: auto, local, ray://HOST:PORT."""
-    seed: int = 0
-    """Seed of everything random."""
-    place: Annotated[str | None, arg(metavar="NAME|FILE")] = None
-    """Scene or field file (default: the experiment's own scene)."""
-    out: Path | None = None
-    """Folder for results.json, the table as CSV and the figures as PNG. The same command continues an experiment that
-    was interrupted."""
     ends: EndsChoice | None = None
     """Flights: start and goal of the tasks in turn, random ones, or both in turn (default: both)."""
     world: WorldName | None = None
@@ -66,5 +51,5 @@ def _options(arguments: Arguments) -> FlightOptions | None:
     given = arguments.ends, arguments.world, arguments.risk, arguments.robot
     if all(option is None for option in given) and not arguments.truth:
         return None
-    own, (ends, world, risk, robot) = FlightOptions(), given
-    return FlightOptions(ends or own.ends, world or own.world, risk, arguments.truth, robot)
+    ends, world, risk, robot = given
+    return FlightOptions(ends or FlightOptions.ends, world or FlightOptions.world, risk, arguments.truth, robot)

@@ -19,9 +19,8 @@ class Arguments(ExportRequest, Output):
 def arguments_for(words: Sequence[str]) -> type[Any]:
     """Make the arguments, with a list of the formats in their help."""
     listed = "; ".join(f"{form.name} ({form.purpose})" for form in FORMATS.values())
-    chosen = make_dataclass("Arguments", [], bases=(Arguments,), frozen=True)
-    chosen.__doc__ = f"{Arguments.__doc__}\n\nFormats: {listed}."
-    return chosen
+    about = {"__doc__": f"{Arguments.__doc__}\n\nFormats: {listed}."}
+    return make_dataclass("Arguments", [], bases=(Arguments,), frozen=True, namespace=about)
 
 
 def run(arguments: Arguments) -> None:

@@ -10,7 +10,7 @@ from tyro.conf import Suppress, arg
 from nerfnav.estimator import estimators
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
-from nerfnav_app.cli.arguments import Route, find_planner
+from nerfnav_app.cli.arguments import Route, find_planner, with_settings
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.fly.fly import run as run_job
@@ -49,12 +49,9 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
     planning = [(name, type(settings), field(default=settings)) for name, settings in own.items()]
     # --open-loop is an option of the command itself: the setting keeps its old name, which help does not list
     known = ("open_loop", Annotated[bool, arg(name="config.open-loop"), Suppress], field(default=False))
-    config = make_dataclass("Config", [*planning, known], bases=(NavigateConfig,), frozen=True)
-    config.__doc__ = NavigateConfig.__doc__
-    settings = ("config", Annotated[config, arg(name="")], field(default=config()))
-    chosen = make_dataclass("Arguments", [settings], bases=(Arguments,), frozen=True)
-    chosen.__doc__ = Arguments.__doc__
-    return chosen
+    about = {"__doc__": NavigateConfig.__doc__}
+    config = make_dataclass("Config", [*planning, known], bases=(NavigateConfig,), frozen=True, namespace=about)
+    return with_settings(Arguments, config())
 
 
 def run(arguments: Any) -> None:

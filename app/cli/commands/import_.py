@@ -1,30 +1,20 @@
 """nerfnav import: from a trained NeRF or Gaussian splats to a field."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from tyro.conf import OmitArgPrefixes, Positional
+from tyro.conf import OmitArgPrefixes
 
 from nerfnav_app.cli.arguments import PlacementArguments
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output
-from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.open.import_field import ImportOptions, ImportRequest
 from nerfnav_app.jobs.open.import_field import run as run_job
 
 
 @dataclass(frozen=True)
-class Arguments(Output):
+class Arguments(ImportOptions, Output):
     """Make a field of a trained NeRF (nerf-pytorch) or of Gaussian splats (.ply, .splat, .spz, .sog, .ksplat)."""
 
-    source: Positional[Path]
-    """Checkpoint, folder with one, or splats: a file, or the folder of a SOG's meta.json."""
-    out: Path
-    """File for the field; splats themselves are kept beside it."""
-    keep_network: bool = False
-    """Keep the networks of a NeRF, which take seconds for a picture. By default they become a voxel field, which is
-    quick to plan and fly in, and the PSNR between the two is printed."""
-    voxel: float | None = None
-    """Size of a voxel [m] (default: by the size of the place)."""
     placement: OmitArgPrefixes[PlacementArguments] = field(default_factory=PlacementArguments)
     """Placement of the source in the world; what is not given is guessed, and the guess is printed."""
 

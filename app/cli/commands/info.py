@@ -25,6 +25,7 @@ from nerfnav.field import GridField, NeuralField, StoredField, load_field, rende
 from nerfnav.geometry import Camera, Pose, encode_image, look_at
 from nerfnav.importers import Placement, SceneConfig, import_mesh
 from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
+from nerfnav_app.cli.arguments import vector
 from nerfnav_app.cli.terminal import Output, show
 from nerfnav_app.places.place import field_file, ground_truth
 from nerfnav_app.storage.output_files import prepare_file, write_bytes
@@ -36,11 +37,11 @@ _STANDPOINT = (0.62, -0.68, 0.42)
 
 def write_picture(field: StoredField, out: Path) -> Path:
     """Write a picture of the field from above one of its corners."""
-    path = prepare_file(out)
+    prepare_file(out)
     eye = field.box.center + torch.tensor(_STANDPOINT) * field.box.size.max()
     aim = field.box.center - 0.15 * field.box.size * torch.tensor([0.0, 0.0, 1.0])
     seen = render_image(field, Camera.from_fov(_WIDTH, _HEIGHT, _FOV_DEG), look_at(eye, aim))
-    return write_bytes(path, encode_image(seen.image.numpy()))
+    return write_bytes(out, encode_image(seen.image.numpy()))
 
 
 def describe_resolution(field: StoredField) -> dict[str, Any]:
@@ -85,21 +86,13 @@ def truth_of(what: str, field: StoredField, path: Path) -> Scene:
     if what in scenes.names():
         return scenes.load(what)
     if not Path(what).is_file():
-        raise InvalidInputError(f"there is no mesh file {what}, and no scene of that name; known are: {_known()}")
+        known = ", ".join(scenes.names())
+        raise InvalidInputError(f"there is no mesh file {what}, and no scene of that name; known are: {known}")
     own = ground_truth(field, path)
     if own is not None and (scene := own.load()).name == Path(what).name:
         return scene
-    box = (_corner(field.box.lower), _corner(field.box.upper))
+    box = (vector(field.box.lower.tolist()), vector(field.box.upper.tolist()))
     return run_steps(import_mesh(Path(what), SceneConfig(Placement(box=box)))).scene
-
-
-def _corner(point: torch.Tensor) -> tuple[float, float, float]:
-    x, y, z = point.tolist()
-    return x, y, z
-
-
-def _known() -> str:
-    return ", ".join(scenes.names())
 
 
 @dataclass(frozen=True)
@@ -116,8 +109,7 @@ class Arguments(Output):
 
 def run(arguments: Arguments) -> None:
     """Print box, resolution, quality, origin and size; compare with a mesh and take a picture where asked to."""
-    name = arguments.field
-    path = field_file(name)
+    path = field_file(arguments.field)
     field = load_field(path)
     summary = {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},

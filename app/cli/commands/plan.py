@@ -1,15 +1,15 @@
 """nerfnav plan: from a start and a goal to a trajectory."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tyro.conf import arg
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.planner import PlannerConfig, PlanOutcome
-from nerfnav_app.cli.arguments import Route, find_planner
+from nerfnav.planner import PlanOutcome
+from nerfnav_app.cli.arguments import Route, find_planner, with_settings
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.plan.plan import run as run_job
 
@@ -36,18 +36,13 @@ class Arguments(Route):
 
 def arguments_for(words: Sequence[str]) -> type[Any]:
     """Make the arguments with the settings of the planner that the words name."""
-    own = find_planner(words).config()
-    settings = ("config", Annotated[type(own), arg(name="")], field(default=own))
-    chosen = make_dataclass("Arguments", [settings], bases=(Arguments,), frozen=True)
-    chosen.__doc__ = Arguments.__doc__
-    return chosen
+    return with_settings(Arguments, find_planner(words).config())
 
 
 def run(arguments: Any) -> None:
     """Plan, and print the numbers of the plan."""
     place = arguments.open()
-    settings: PlannerConfig = arguments.config
-    asked = arguments.request(place, settings)
+    asked = arguments.request(place, arguments.config)
     request = replace(
         asked,
         shortest=arguments.duration == "auto" or (arguments.duration is None and asked.shortest),

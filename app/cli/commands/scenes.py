@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.table import Table
 
 import nerfnav_scenes as scenes
-from nerfnav.world import Scene, Task
+from nerfnav.world import Scene
 from nerfnav_app.cli.terminal import Output, show
 
 
@@ -36,12 +36,10 @@ def _summary(scene: Scene) -> dict[str, object]:
         "title": scene.title,
         "box": {"lower": scene.box.lower.tolist(), "upper": scene.box.upper.tolist()},
         "trained": scenes.trained_path(scene.name).is_file(),
-        "tasks": [_task(task) for task in scene.tasks],
+        "tasks": [
+            {"name": task.name, "robot": task.robot, "start": task.start, "goal": task.goal} for task in scene.tasks
+        ],
     }
-
-
-def _task(task: Task) -> dict[str, object]:
-    return {"name": task.name, "robot": task.robot, "start": task.start, "goal": task.goal}
 
 
 def _point(point: tuple[float, float, float]) -> str:

@@ -1,42 +1,22 @@
 """nerfnav train: from a scene, a mesh or a capture to a field."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import OmitArgPrefixes, Positional, arg
+from tyro.conf import OmitArgPrefixes, arg
 
 from nerfnav.importers import MeshOptions
 from nerfnav_app.cli.arguments import PlacementArguments
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output
-from nerfnav_app.jobs.field.request import NeuralOptions, Photographs, QualityName, TrainRequest
+from nerfnav_app.jobs.field.request import NeuralOptions, TrainOptions, TrainRequest
 from nerfnav_app.jobs.field.train import run as run_job
 
 
 @dataclass(frozen=True)
-class Arguments(Output):
+class Arguments(TrainOptions, Output):
     """Train a field of a scene, a mesh or a capture; Ctrl-C stops early and keeps what was learned."""
 
-    source: Positional[str]
-    """Name of a bundled scene, a mesh file, or a capture: its folder, its transforms.json, or a .zip of it."""
-    out: Path
-    """File for the field."""
-    quality: QualityName = "good"
-    """draft: coarse and quick; good: by the size and the pictures of the place; best: as fine as the pixels of the
-    pictures, in four times the time."""
-    budget: float | None = None
-    """Time to train [s], in place of iterations; the result then depends on the machine."""
-    iterations: int | None = None
-    """Training steps (default: by the source)."""
-    save_every: float | None = None
-    """Store the field so far in --out this often [s], to plan in it already."""
-    seed: int = 0
-    """Seed of the camera poses and of the training."""
-    voxel: float | None = None
-    """Size of a voxel [m] (default: by the source)."""
-    photographs: OmitArgPrefixes[Photographs] = field(default_factory=Photographs)
-    """Photographs to learn from."""
     placement: OmitArgPrefixes[PlacementArguments] = field(default_factory=PlacementArguments)
     """Placement of a mesh or a capture in the world; what is not given is guessed, and the guess is printed."""
     mesh: OmitArgPrefixes[MeshOptions] = field(default_factory=MeshOptions)

@@ -72,5 +72,9 @@ def _zipped(contents: dict[str, bytes]) -> bytes:
 
 
 def _numbers(grid: OccupancyGrid) -> dict[str, object]:
-    shares = {f"{state.name.lower()}_share": grid.share(state) for state in Occupancy}
-    return {"shape": list(grid.state.shape), "lower": grid.lower.tolist(), "voxel_m": grid.voxel, **shares}
+    return {
+        "shape": list(grid.state.shape),
+        "lower": grid.lower.tolist(),
+        "voxel_m": grid.voxel,
+        **{f"{state.name.lower()}_share": grid.share(state) for state in Occupancy},
+    }

@@ -26,10 +26,8 @@ def read_run(folder: Path) -> Recording:
     try:
         table = table_of_json(path.read_text())
         name = str(table.info.get("robot_file") or table.info.get("robot", ""))
-        if not robots.is_known(name):
-            return Recording(table)
-        robot = robots.load(name)
-        return Recording(table, extents=robot.body.extents, robot=robot)
+        robot = robots.load(name) if robots.is_known(name) else None
+        return Recording(table) if robot is None else Recording(table, extents=robot.body.extents, robot=robot)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InvalidInputError(
             f"{folder} is not the folder of a run (it has no {FILE} and no {TRAJECTORY}); "

@@ -6,13 +6,15 @@ from dataclasses import replace
 import torch
 
 import nerfnav_scenes as scenes
+from nerfnav.core.steps import map_steps
 from nerfnav.field import TrainConfig
 from nerfnav.geometry import PosedImages
+from nerfnav.importers.core.progress import ImportStep
 from nerfnav.world import CaptureConfig, Scene, split
 from nerfnav.world.capture import FINE_VOXEL, capture
-from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.events import JobEvent
 from nerfnav_app.jobs.field.request import TrainRequest
-from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.field.training_data import Gathering, TrainingData, relay_import
 
 LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 """Training steps that a field needs: a larger place has more surface to learn."""
@@ -49,10 +51,14 @@ def gather(request: TrainRequest) -> Gathering:
     count = request.photographs.images or images_for(volume, with_depth=bool(request.depth) or not rooms)
     config = replace(request.capture.suiting(scene), images=count)
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
-    learned, held_out = split(photographs if request.depth else photographs.without_depth())
-    report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}
+    report = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}
+    return training_data_of(scene, photographs if request.depth else photographs.without_depth(), report, volume)
+
+
+def training_data_of(scene: Scene, photographs: PosedImages, report: dict[str, object], volume: float) -> TrainingData:
+    """Training data of a scene, its own ground truth, as suits a box of `volume` [m^3]; some are held out."""
     return TrainingData(
-        learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
+        *split(photographs), scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
     )
 
 
@@ -71,11 +77,6 @@ def photograph(
     scene: Scene, config: CaptureConfig, generator: torch.Generator
 ) -> Generator[JobEvent, bool | None, PosedImages]:
     """Take pictures of a scene's mesh and return them. Raises StoppedError where it is stopped."""
-    steps = capture(scene, config, generator)
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as end:
-            return end.value
-        if (yield Progress("photographing", (step.index + 1) / step.total)):
-            raise StoppedError("stopped while photographing: nothing was learned yet, so nothing is saved")
+    doing = "photographing"
+    pictures = capture(scene, config, generator)
+    return relay_import(map_steps(pictures, lambda step: ImportStep(doing, (step.index + 1) / step.total)), doing)

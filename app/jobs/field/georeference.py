@@ -4,7 +4,7 @@ Splats and ground truth beside the field are corrected with it; splats are made 
 """
 
 from collections.abc import Generator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import map_steps
 from nerfnav.estimator import rescale_map_error, transform_views
-from nerfnav.experiments import describe_free_space_accuracy, measure_unproven_share
+from nerfnav.experiments import measure_unproven_share
 from nerfnav.field import (
     FieldInfo,
     GridField,
@@ -41,47 +41,26 @@ from nerfnav.importers import (
 )
 from nerfnav.world import Scene, move_scene
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
-from nerfnav_app.jobs.field.report import stored
+from nerfnav_app.jobs.field.report import accuracy_numbers, stored
 from nerfnav_app.places.place import field_file, ground_truth
 from nerfnav_app.storage.output_files import OutputError, prepare_file
 
 
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """A georeferenced field, and what is stored beside it."""
-
-    field: StoredField
-    splats: Splats | None
-    truth: Scene | None
-    changes: tuple[str, ...]
-    """What has changed, in words."""
-
-
-def save(made: Placed, out: Path) -> JobResult:
-    """Store it in `out` and beside that, and tell its numbers."""
-    size, files = stored(made.field, made.truth, out)
-    if made.splats is not None:
-        files = (*files, save_splats(made.splats, splats_path(out)))
-    return JobResult({**_numbers(made), "file_bytes": size}, files)
-
-
-def _numbers(made: Placed) -> dict[str, Any]:
-    field = made.field
-    voxel = field.resolution
-    accuracy = measure_unproven_share(field, voxel)
+def numbers_of(field: StoredField, changes: tuple[str, ...]) -> dict[str, Any]:
+    """Numbers of a georeferenced field, and what has changed, in words."""
     return {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
-        "voxel_m": voxel,
-        "changed": list(made.changes),
+        "voxel_m": field.resolution,
+        "changed": list(changes),
         "guesses": list(field.info.guesses),
-        "geometry": asdict(accuracy),
-        "in_words": describe_free_space_accuracy(accuracy),
+        **accuracy_numbers(measure_unproven_share(field, field.resolution)),
     }
 
 
 def moved_field(field: StoredField, change: Alignment) -> Generator[JobEvent, bool | None, StoredField]:
-    steps = move_field(field, change.similarity)
-    moved = yield from map_steps(steps, lambda step: Progress(step.label, 0.1 + 0.8 * step.fraction))
+    moved = yield from map_steps(
+        move_field(field, change.similarity), lambda step: Progress(step.label, 0.1 + 0.8 * step.fraction)
+    )
     return moved if change.box is None else crop_field(moved, change.box)
 
 
@@ -113,11 +92,6 @@ def truth_of(
     return move_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
 
 
-def cut_in_words(change: Alignment, changed: StoredField) -> tuple[str, ...]:
-    """Describe the new box, if it was cropped."""
-    return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
-
-
 def info_of(
     changed: StoredField, before: FieldInfo, correction: AlignmentRequest, similarity: Similarity
 ) -> FieldInfo:
@@ -127,11 +101,10 @@ def info_of(
         known.append("up")
     if correction.factor is not None:
         known.append("scale")
-    # such a name would find ground truth that is not there
-    bundled = before.source in scenes.names()
     return replace(
         changed.info,
-        source=f"{before.source} (placed)" if bundled else before.source,
+        # the name of a scene would find ground truth that is not there
+        source=f"{before.source} (placed)" if before.source in scenes.names() else before.source,
         truth="",
         truth_sha256="",
         free_taken_for_free=None,
@@ -182,8 +155,12 @@ def run(request: PlaceRequest) -> JobEvents:
     beside = splats_path(path)
     splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
     changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
-    truth, changes = truth_of(field, path, change, changed)
-    changes = (*change.changes, *cut_in_words(change, changed), *changes)
+    truth, of_truth = truth_of(field, path, change, changed)
+    kept = () if change.box is None else (f"what is kept: {changed.box.describe()}",)
     changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
-    return save(Placed(changed, splats, truth, changes), out)
+    file_bytes, files = stored(changed, truth, out)
+    if splats is not None:
+        files = (*files, save_splats(splats, splats_path(out)))
+    numbers = numbers_of(changed, (*change.changes, *kept, *of_truth))
+    return JobResult({**numbers, "file_bytes": file_bytes}, files)

@@ -14,10 +14,9 @@ from nerfnav.field import TrainConfig
 from nerfnav.importers import MeshFileError, SceneConfig, import_mesh
 from nerfnav.importers.captures.archive import extract
 from nerfnav.importers.meshes.files import SUFFIXES, list_archived_meshes, resolve_mesh, select_mesh
-from nerfnav.world import split
-from nerfnav_app.jobs.field.bundled import images_for, iterations_for, photograph
+from nerfnav_app.jobs.field.bundled import images_for, photograph, training_data_of
 from nerfnav_app.jobs.field.request import TrainRequest
-from nerfnav_app.jobs.field.training_data import Gathering, TrainingData, relay_import
+from nerfnav_app.jobs.field.training_data import Gathering, relay_import
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
@@ -39,11 +38,8 @@ def gather(request: TrainRequest) -> Gathering:
     count = request.photographs.images or images_for(volume, with_depth=not without_depth)
     capture = replace(request.capture.clear_of(scene.voxel), images=count)
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
-    learned, held_out = split(photographs.without_depth() if without_depth else photographs)
     report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
-    return TrainingData(
-        learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
-    )
+    return training_data_of(scene, photographs.without_depth() if without_depth else photographs, report, volume)
 
 
 def _nodes(budget: float | None) -> float:

@@ -5,7 +5,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 
 import nerfnav_scenes as scenes
@@ -27,11 +26,17 @@ from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 
 
 def import_numbers(made: StoredField) -> dict[str, Any]:
-    nodes = {"voxels": int(np.prod(made.shape))} if isinstance(made, VoxelField) else {}
-    corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
-    accuracy = measure_unproven_share(made, made.resolution)
-    free_space = {"geometry": asdict(accuracy), "in_words": describe_free_space_accuracy(accuracy)}
-    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **free_space}
+    return {
+        "box": {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()},
+        **({"voxels": math.prod(made.shape)} if isinstance(made, VoxelField) else {}),
+        "baked_psnr_db": made.info.baked_psnr_db,
+        **accuracy_numbers(measure_unproven_share(made, made.resolution)),
+    }
+
+
+def accuracy_numbers(accuracy: FreeSpaceAccuracy) -> dict[str, Any]:
+    """Free-space accuracy for `--json`, and in words."""
+    return {"geometry": asdict(accuracy), "in_words": describe_free_space_accuracy(accuracy)}
 
 
 def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
@@ -55,12 +60,11 @@ def judge_field(
 
 def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
     """Free-space accuracy, against the best reference that there is."""
-    voxel = trained.resolution
+    voxel, learned = trained.resolution, material.learned
     if material.truth is not None:
-        learned = material.learned
         return measure_free_space_on_mesh(trained, voxel, material.truth, learned.camera, learned.poses)
     if material.held_out.depth is not None and len(material.held_out):
-        return measure_free_space_on_depth(trained, voxel, material.held_out, material.learned)
+        return measure_free_space_on_depth(trained, voxel, material.held_out, learned)
     return measure_unproven_share(trained, voxel)
 
 
@@ -77,8 +81,7 @@ def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tup
     if truth is None or truth.name in scenes.names():
         return save_field(field, out), (out,)
     with write_truth_beside(truth, out) as link:
-        info = replace(field.info, truth=link.name, truth_sha256=link.sha256)
-        linked = replace(field, info=info)  # type: ignore[type-var]
+        linked = replace(field, info=replace(field.info, truth=link.name, truth_sha256=link.sha256))  # type: ignore[type-var]
         return save_field(linked, out), (out, truth_path(out))
 
 
@@ -93,8 +96,7 @@ def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccur
         "file_bytes": file_bytes,
         "learned_from": trained.info.learned_from,
         "proven_from": trained.info.proven_from,
-        "geometry": asdict(accuracy),
-        "in_words": describe_free_space_accuracy(accuracy),
+        **accuracy_numbers(accuracy),
     }
 
 

@@ -8,6 +8,8 @@ pixels bound it.
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tyro.conf import OmitArgPrefixes, Positional
+
 from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.field import TrainConfig
 from nerfnav.geometry import Box, PosedImages
@@ -90,23 +92,34 @@ class NeuralOptions:
 
 
 @dataclass(frozen=True)
-class TrainRequest:
-    """Request of a training: source, file and options."""
+class TrainOptions:
+    """Source, file and options of a training. The command line reads them as they are."""
 
-    source: str
-    """Name of a bundled scene, or path of a mesh file or a capture."""
+    source: Positional[str]
+    """Name of a bundled scene, a mesh file, or a capture: its folder, its transforms.json, or a .zip of it."""
     out: Path
-    """The file for the field."""
-    seed: int = 0
-    """Seed of the camera's poses and of the training."""
-    iterations: int | None = None
-    """Training steps; None: as many as the source asks for."""
+    """File for the field."""
+    quality: QualityName = "good"
+    """draft: coarse and quick; good: by the size and the pictures of the place; best: as fine as the pixels of the
+    pictures, in four times the time."""
     budget: float | None = None
-    """Time to train [s], in place of a number of steps; the result then depends on the machine."""
+    """Time to train [s], in place of iterations; the result then depends on the machine."""
+    iterations: int | None = None
+    """Training steps (default: by the source)."""
+    save_every: float | None = None
+    """Store the field so far in --out this often [s], to plan in it already."""
+    seed: int = 0
+    """Seed of the camera poses and of the training."""
     voxel: float | None = None
-    """Distance of the field's nodes [m]; None: what suits the source."""
-    photographs: Photographs = field(default_factory=Photographs)
+    """Size of a voxel [m] (default: by the source)."""
+    photographs: OmitArgPrefixes[Photographs] = field(default_factory=Photographs)
     """Photographs to learn from."""
+
+
+@dataclass(frozen=True)
+class TrainRequest(TrainOptions):
+    """Request of a training; voxel, iterations and budget take precedence over the quality."""
+
     placement: Placement = field(default_factory=Placement)
     """Placement of the source in the world."""
     mesh: MeshOptions = field(default_factory=MeshOptions)
@@ -117,18 +130,12 @@ class TrainRequest:
     """Further settings of the photographs of scenes and meshes."""
     depth: bool | None = None
     """Learn with depth; None: where there is any, but for bundled scenes, which show what pictures do."""
-    quality: QualityName = "good"
-    """Quality; voxel, iterations and budget take precedence."""
-    save_every: float | None = None
-    """Period at which the field so far is stored in `out` [s]; None: only at the end."""
     neural: NeuralOptions | None = None
     """The networks of a neural field; None: a voxel field is trained."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no training can have."""
-        require_positive(
-            iterations=self.iterations, budget=self.budget, voxel=self.voxel, save_every=self.save_every
-        )
+        require_positive(iterations=self.iterations, budget=self.budget, voxel=self.voxel, save_every=self.save_every)
         if self.neural is not None and self.save_every is not None:
             raise InvalidInputError("save-every is for voxel fields: networks in training cannot be planned in")
 

@@ -7,14 +7,15 @@ from pathlib import Path
 import torch
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import map_steps
 from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, TrainConfig, TrainStep, VoxelField, train_neural
 from nerfnav.field.models.neural import blank_field
 from nerfnav.field.train.loop import train
 from nerfnav.geometry import Box
-from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress, relay_steps
 from nerfnav_app.jobs.field.report import judge_field, noted, stored, training_numbers
 from nerfnav_app.jobs.field.request import QUALITIES, NeuralOptions, Quality, TrainRequest, pixel_size, voxel_of
-from nerfnav_app.jobs.field.training_data import StoppedError, TrainingData, gather
+from nerfnav_app.jobs.field.training_data import TrainingData, gather
 from nerfnav_app.storage.output_files import prepare_file
 
 MOST_VOXELS = 30_000_000
@@ -79,14 +80,7 @@ def learn_voxels(
 ) -> Generator[JobEvent, bool | None, VoxelField]:
     """Yield reports and progress; return the field. Send True to end early."""
     steps = train(material.learned, material.held_out, material.box, material.background, config, generator)
-    stop: bool | None = None
-    while True:
-        try:
-            step = steps.send(stop)
-        except StopIteration as end:
-            return end.value
-        yield step
-        stop = None if step.last else (yield Progress("training", step.fraction))
+    return relay_steps(steps, lambda step: (step,) if step.last else (step, Progress("training", step.fraction)))
 
 
 _LAYERS_BEFORE_SKIP = 5
@@ -109,21 +103,13 @@ def learn_networks(
     skips = (_LAYERS_BEFORE_SKIP,) if options.layers > _LAYERS_BEFORE_SKIP + 1 else ()
     network = MlpConfig(options.layers, options.layer_width, skips, view_widths=(max(1, options.layer_width // 2),))
     asked = round(QUALITIES[request.quality].steps * NeuralTrainConfig.iterations)
-    config = NeuralTrainConfig(
-        network, request.iterations or asked, request.budget, rays=options.rays
-    )
+    config = NeuralTrainConfig(network, request.iterations or asked, request.budget, rays=options.rays)
     blank = blank_field(material.box, material.background, network, generator, options.device)
     steps = train_neural(material.learned, material.held_out, blank, config, generator)
-    stop: bool | None = None
-    while True:
-        try:
-            step = steps.send(stop)
-        except StopIteration as end:
-            return end.value
-        stop = None if step.last else (yield Progress(f"training, PSNR {step.psnr_db:.1f} dB", step.fraction))
-
-
-__all__ = ["StoppedError", "TrainRequest", "run"]
+    return relay_steps(
+        steps,
+        lambda step: () if step.last else (Progress(f"training, PSNR {step.psnr_db:.1f} dB", step.fraction),),
+    )
 
 
 def run(request: TrainRequest) -> JobEvents:
@@ -132,8 +118,8 @@ def run(request: TrainRequest) -> JobEvents:
     Send True to end early: what was learned so far is then stored and reported as usual.
     Raises NerfnavError where the source cannot be trained from or the file cannot be written.
     """
-    out, gathering = prepare_file(request.out), gather(request)
-    material = yield from gathering
+    out = prepare_file(request.out)
+    material = yield from gather(request)
     # the training's randomness is its own: it does not depend on how the photographs came about
     generator = torch.Generator().manual_seed(request.seed)
     if request.neural is None:
@@ -146,20 +132,17 @@ def run(request: TrainRequest) -> JobEvents:
     yield Progress("judging", 1.0)
     trained, accuracy = judge_field(trained, material)
     file_bytes, files = stored(trained, material.truth, out)
-    summary = {**training_numbers(trained, accuracy, file_bytes), "source": material.report}
-    return JobResult(summary, files)
+    return JobResult({**training_numbers(trained, accuracy, file_bytes), "source": material.report}, files)
 
 
 def _keeping(
     learning: Generator[JobEvent, bool | None, VoxelField], request: TrainRequest, material: TrainingData, out: Path
 ) -> Generator[JobEvent, bool | None, VoxelField]:
     """The same training; what it has learned so far is stored in `out`, whole, whenever it tells."""
-    stop: bool | None = None
-    while True:
-        try:
-            event = learning.send(stop)
-        except StopIteration as end:
-            return end.value
+
+    def keep(event: JobEvent) -> JobEvent:
         if isinstance(event, TrainStep) and event.so_far is not None:
             stored(noted(event.so_far, request, material), material.truth, out)
-        stop = yield event
+        return event
+
+    return map_steps(learning, keep)

@@ -19,7 +19,7 @@ from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
 from nerfnav.importers.core.progress import ImportStep
 from nerfnav.world import Scene
 from nerfnav_app.jobs.events import JobEvent, Progress
-from nerfnav_app.jobs.field.request import Photographs, TrainRequest
+from nerfnav_app.jobs.field.request import TrainRequest
 
 Imported = TypeVar("Imported")
 
@@ -87,8 +87,6 @@ KINDS = {
     SourceKind.VIDEO: "captures",
 }
 """The file for each kind; it is imported only when it is needed."""
-
-__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather", "relay_import"]
 
 
 def gather(request: TrainRequest) -> Gathering:

@@ -20,8 +20,7 @@ from nerfnav_app.storage.step_log import open_step_log
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
     """Summarize a flight as `fly --json` prints it."""
-    unjudged = {} if place.truth else {"mesh_collision_steps": None}
-    return episode.metrics() | unjudged
+    return episode.metrics() | ({} if place.truth else {"mesh_collision_steps": None})
 
 
 def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:

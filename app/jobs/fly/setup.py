@@ -32,8 +32,7 @@ def begin(request: FlyRequest, place: Place) -> Generator[FlightStep, None, Epis
     robot, world = place.robot, WORLDS[request.world]
     estimator = estimators.load(request.estimator)
     occupancy = build_occupancy(planned, route.settings.occupancy, route.ends.start.position[2])
-    config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
-    config = world.configure(config)
+    config = world.configure(replace(request.config, open_loop=request.open_loop or request.config.open_loop))
     planner, safety_filter = build_safe_planner(
         planners.load(route.planner), planned.field, occupancy, world.planning_robot(robot), route.settings,
         config.noise, route.again,
@@ -72,13 +71,12 @@ def set_duration(request: FlyRequest, place: Place) -> FlyRequest:
     occupancy = build_occupancy(planned, route.settings.occupancy, route.ends.start.position[2])
     planned = replace(planned, robot=WORLDS[request.world].planning_robot(place.robot))
     settings = route.again or planners.load(route.planner).again(route.settings)  # with the risk that flights count
-    weighed = replace(route, config=settings)
-    timing = timing_for(weighed, planned, occupancy, keep_dt=True)  # the loop looks around at each step
+    # the loop looks around at each step: their length stays
+    timing = timing_for(replace(route, config=settings), planned, occupancy, keep_dt=True)
     return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 
 
 def _configure_filter(config: FilterConfig, place: Place) -> FilterConfig:
     """Take the noise that was measured for this field; keep a colour noise that is not the default."""
     measured = config.for_field(place.field.info)
-    given = config.color_noise.std != ColorNoise.std
-    return replace(measured, color_noise=config.color_noise) if given else measured
+    return measured if config.color_noise.std == ColorNoise.std else replace(measured, color_noise=config.color_noise)

@@ -114,10 +114,9 @@ def save_bench(folder: Path, summary: dict[str, Any], arena: Arena, find: Finder
     """Write the numbers, and plots of what was measured: of how a capture was learned, and of what an iteration costs
     against its size."""
     files = [write_text(folder / "bench.json", json_line(summary) + "\n")]
-    measured = [{"name": name, **summary[name]} for name in MEASURES if name in summary]
-    shared = ("name", "paper_ms", "fast_ms", "ratio", "threads")
-    if measured:
-        rows = [{key: row[key] for key in shared} for row in measured]
+    shared = ("paper_ms", "fast_ms", "ratio", "threads")
+    measured = [name for name in MEASURES if name in summary]
+    if rows := [{"name": name, **{key: summary[name][key] for key in shared}} for name in measured]:
         files.append(write_text(folder / "bench.csv", table_text(rows)))
     if rows := summary.get("training"):
         files.append(write_bytes(folder / "training.png", png_of(picture(rows, summary["cores"]))))
@@ -157,24 +156,23 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     yield Progress("opening the field", 0.0)
     arena = open_arena(request.place)
     summary: dict[str, Any] = {}
-    left_out = [name for name in MEASURES if find(name) is None]
+    quick = QUICK if request.quick else {}
     for index, name in enumerate(MEASURES):
         yield Progress(f"measuring {name}", index / len(MEASURES))
         if (module := find(name)) is not None:
-            options = QUICK.get(name, {}) if request.quick else {}
-            summary[name] = numbers(module.measure(arena, **options))
+            summary[name] = numbers(module.measure(arena, **quick.get(name, {})))
     if (busy := find("busy")) is not None:
         yield Progress("measuring beside busy processes", 0.9)
-        summary["busy"] = busy.measure(arena, **(QUICK["busy"] if request.quick else {}))
+        summary["busy"] = busy.measure(arena, **quick.get("busy", {}))
     if (cold := find("cold")) is not None:
         yield Progress("measuring first plans of new processes", 0.92)
-        summary["cold"] = cold.measure(request.place, **(QUICK["cold"] if request.quick else {}))
+        summary["cold"] = cold.measure(request.place, **quick.get("cold", {}))
     if request.capture is not None:
         summary["training"] = yield from measure_training(request.capture, request.seconds)
     summary |= {
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "quick": request.quick,
-        "left_out": left_out,
+        "left_out": [name for name in MEASURES if name not in summary],
     }
     files: tuple[Path, ...] = ()
     if out is not None:
@@ -185,5 +183,10 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
 
 def numbers(comparison: Comparison) -> dict[str, Any]:
     """Collect the numbers of one comparison."""
-    named = {"paper_ms": comparison.paper_ms, "fast_ms": comparison.fast_ms, "ratio": comparison.ratio}
-    return {**named, "threads": comparison.threads, **comparison.detail}
+    return {
+        "paper_ms": comparison.paper_ms,
+        "fast_ms": comparison.fast_ms,
+        "ratio": comparison.ratio,
+        "threads": comparison.threads,
+        **comparison.detail,
+    }

@@ -7,6 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
 
 from nerfnav import __version__
 from nerfnav.core.errors import InvalidInputError, MissingExtraError
@@ -128,24 +131,29 @@ def register(experiment: Experiment) -> None:
 
 
 @dataclass(frozen=True)
-class ExperimentRequest:
-    """Request of an experiment: its name, place and trials."""
+class ExperimentOptions:
+    """Name, trials and place of an experiment. The command line reads them as they are."""
 
-    name: str
-    """Of the experiment."""
-    place: str | None = None
-    """Scene or field to do it in; None: the experiment's own."""
+    name: Annotated[Positional[str], arg(help=f"Name: {', '.join(EXPERIMENTS)}.")]
     trials: int | None = None
-    """How many trials; None: as many as the experiment needs."""
-    seed: int = 0
-    """Of everything random."""
+    """Number of trials (default: by the experiment)."""
     jobs: int | None = None
-    """Trials at the same time."""
-    ray: str | None = None
-    """Address of a Ray cluster that does the trials; None: this machine."""
+    """Trials at the same time (default: 1)."""
+    ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Ray cluster for the trials: auto, local, ray://HOST:PORT."""
+    seed: int = 0
+    """Seed of everything random."""
+    place: Annotated[str | None, arg(metavar="NAME|FILE")] = None
+    """Scene or field file (default: the experiment's own scene)."""
     out: Path | None = None
-    """Folder for results.json, the table and the figures, and for trials.jsonl, which lets an experiment that was
-    interrupted go on where it was; None writes nothing."""
+    """Folder for results.json, the table as CSV and the figures as PNG. The same command continues an experiment that
+    was interrupted."""
+
+
+@dataclass(frozen=True)
+class ExperimentRequest(ExperimentOptions):
+    """Request of an experiment; what it has done so far is in trials.jsonl in `out`, None writes nothing."""
+
     flights: FlightOptions | None = None
     """Options of the experiment on whole flights; None: its own, and for all others."""
 

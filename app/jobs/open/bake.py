@@ -22,5 +22,4 @@ def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
 
 def bake_field(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
     """Bake a field, yield progress, and return the result."""
-    steps = bake(source, BakeConfig(voxel=voxel))
-    return (yield from map_steps(steps, lambda step: Progress(step.label, step.fraction)))
+    return map_steps(bake(source, BakeConfig(voxel=voxel)), lambda step: Progress(step.label, step.fraction))

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from tyro.conf import Positional
 
 from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.field import NeuralField, StoredField, save_field
@@ -33,17 +34,24 @@ from nerfnav_app.storage.output_files import prepare_file
 
 
 @dataclass(frozen=True)
-class ImportRequest:
-    """Request of an import: source, file and options."""
+class ImportOptions:
+    """Source, file and options of an import. The command line reads them as they are."""
 
-    source: Path
-    """A checkpoint, a folder with one, or a file of splats."""
+    source: Positional[Path]
+    """Checkpoint, folder with one, or splats: a file, or the folder of a SOG's meta.json."""
     out: Path
-    """The file for the field."""
-    voxel: float | None = None
-    """Distance of the nodes of a voxel field [m]; None: by the size of the place."""
+    """File for the field; splats themselves are kept beside it."""
     keep_network: bool = False
-    """Keep the networks of a NeRF, which take seconds for a picture; else it is baked into a voxel field."""
+    """Keep the networks of a NeRF, which take seconds for a picture. By default they become a voxel field, which is
+    quick to plan and fly in, and the PSNR between the two is printed."""
+    voxel: float | None = None
+    """Size of a voxel [m] (default: by the size of the place)."""
+
+
+@dataclass(frozen=True)
+class ImportRequest(ImportOptions):
+    """Request of an import: its options, and where the source lies."""
+
     placement: Placement = field(default_factory=Placement)
     """Placement of the source in the world."""
 
@@ -77,17 +85,18 @@ def import_splats(request: ImportRequest, out: Path) -> JobEvents:
 def import_nerf(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the networks", 0.0)
     found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
-    placed = describe_placement(request.placement, (0.0, 0.0, 1.0))
-    shape, origin = found.fine.config, {"kind": "nerf-pytorch", **placed}
-    guesses = _guesses_of(found, request.placement)
-    origin |= {"guesses": list(guesses)}
-    origin |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
-    made: StoredField = found
-    if not request.keep_network:
-        made = yield from bake_field(found, request.voxel)
+    shape, guesses = found.fine.config, _guesses_of(found, request.placement)
+    origin = {
+        "kind": "nerf-pytorch",
+        **describe_placement(request.placement, (0.0, 0.0, 1.0)),
+        "guesses": list(guesses),
+        "layers": shape.depth,
+        "layer_width": shape.width,
+        "directions": shape.direction is not None,
+    }
+    made: StoredField = found if request.keep_network else (yield from bake_field(found, request.voxel))
     made = replace(made, info=replace(made.info, guesses=guesses))  # type: ignore[type-var]
-    summary = {**import_numbers(made), "file_bytes": save_field(made, out), "source": origin}
-    return JobResult(summary, (out,))
+    return JobResult({**import_numbers(made), "file_bytes": save_field(made, out), "source": origin}, (out,))
 
 
 def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:

@@ -1,17 +1,10 @@
 """Time the first plan of this process: the part of app/benchmarks/cold.py that runs in the new process."""
 
-import json
-import sys
 import time
 
 
-def report(place: str) -> None:
-    """Write the times of this process, which must be new, as one line of JSON."""
-    sys.stdout.write(json.dumps(first_plan(place)) + "\n")
-
-
 def first_plan(place: str) -> dict[str, float]:
-    """Times [s] of this process: imports, opening the place, and the plan of its first task with the map it needs.
+    """Times [s] of this process, which must be new: imports, opening a place, the plan of its first task with its map.
 
     The processor time of the plan is among them: it does not contain what else the machine does.
     """

@@ -90,9 +90,8 @@ def save(
     """Write a plan's three files into `folder`; `unknown` is what its planner took unproven space for."""
     table = motion_table(motion, place.robot.action_names, place.robot.name)
     info = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
-    if place.robot.file is not None:
-        info["robot_file"] = str(place.robot.file)
-    table = replace(table, info=table.info | info)
+    robot = {} if place.robot.file is None else {"robot_file": str(place.robot.file)}
+    table = replace(table, info=table.info | info | robot)
     return (
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / "trajectory.json", json_text(table)),

@@ -47,8 +47,7 @@ class TrackedCamera:
     @classmethod
     def begin(cls, place: StoredField, asked: CameraRun) -> "TrackedCamera":
         """Open the source and prepare the tracker. Raises NerfnavError for what cannot be tracked."""
-        options = replace(asked.options, aspect=asked.camera.aspect(place.info.camera))
-        source = open_source(asked.source, options)
+        source = open_source(asked.source, replace(asked.options, aspect=asked.camera.aspect(place.info.camera)))
         frames = source.frames()
         first = next(frames, None)
         if first is None:

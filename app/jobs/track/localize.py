@@ -1,7 +1,6 @@
 """Localize job: global localization of a picture from a file, or of the last picture of the robot's own camera."""
 
 import time
-from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,11 @@ from typing import Any
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, GlobalLocalizer, Relocalisation, RelocaliseConfig, RelocaliseResult
-from nerfnav.field import StoredField, load_field
-from nerfnav.geometry import Camera, check_image
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig, RelocaliseResult
+from nerfnav.field import load_field
+from nerfnav.geometry import check_image
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
-from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress, relay_steps
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, read_image
 from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place, field_file
@@ -57,15 +56,9 @@ def run(request: LocalizeRequest) -> JobEvents:
     place = load_field(field_file(request.place))
     image = read_image(request.image, request.camera.aspect(place.info.camera))
     camera, origin = camera_of(image, request.camera, place.info.camera, request.image)
-    found = yield from search(searcher_in(place, camera), image)
+    noise = ColorNoise().measured(place.info.noise_std)
+    found = yield from search(GlobalLocalizer(place, camera, noise, RelocaliseConfig().for_field(place.info)), image)
     return replace(found, summary={**found.summary, "camera": origin})
-
-
-def searcher_in(field: StoredField, camera: Camera) -> GlobalLocalizer:
-    """Make the global localizer of a camera in a field, by all that the field remembers."""
-    return GlobalLocalizer(
-        field, camera, ColorNoise().measured(field.info.noise_std), RelocaliseConfig().for_field(field.info)
-    )
 
 
 def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
@@ -77,20 +70,13 @@ def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
         yield Progress("looking around in the field", _AROUND * share)
     looks_s = time.perf_counter() - begun
     begun = time.perf_counter()
-    result = yield from _with_progress(searcher.relocalise(image))
+    result = yield from relay_steps(
+        searcher.relocalise(image),
+        lambda step: (step, Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)),
+    )
     yield result
     seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
     return JobResult(summary_of(result) | seconds)
-
-
-def _with_progress(search: Relocalisation) -> Generator[Any, Any, RelocaliseResult]:
-    while True:
-        try:
-            step = next(search)
-        except StopIteration as end:
-            return end.value
-        yield step
-        yield Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from nerfnav.core.errors import UnknownNameError
-from nerfnav_app.places.library import PlaceLibrary, PlaceNameError
-from nerfnav_app.places.uploads import UploadError
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.uploads import NameRefusedError, UploadError
 
 
 def brought(library: PlaceLibrary, name: str = "moon.splat", content: bytes = b"splats") -> Path:
@@ -63,10 +63,10 @@ def test_two_places_have_two_names(tmp_path: Path) -> None:
     brought(library)
     brought(library, content=b"another")
     assert {place.name for place in library.entries()} == {"moon", "moon 2"}
-    with pytest.raises(PlaceNameError, match="already"):
+    with pytest.raises(NameRefusedError, match="already"):
         library.rename(library.entries()[0].key, "moon 2")
     for bad in ("", "../x", ".hidden", "a" * 61, "dot."):
-        with pytest.raises(PlaceNameError):
+        with pytest.raises(NameRefusedError):
             library.rename(library.entries()[0].key, bad)
 
 

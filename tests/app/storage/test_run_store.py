@@ -11,8 +11,9 @@ import pytest
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.navigation.episode import Episode
+from nerfnav_app.places.uploads import NameRefusedError
 from nerfnav_app.storage.output_files import OutputError
-from nerfnav_app.storage.run_store import RunNameError, RunStore, checked
+from nerfnav_app.storage.run_store import RunStore, checked
 from nerfnav_app.storage.step_log import FILE, StepLog
 from tests.app.storage.stored_runs import about, put
 from tests.export.flights import flown
@@ -88,7 +89,7 @@ def test_bad_names_are_refused_everywhere(shelf: RunStore, name: str) -> None:
         lambda: shelf.delete(name),
         lambda: shelf.steps(name),
     ):
-        with pytest.raises(RunNameError, match="a name has up to 80 letters"):
+        with pytest.raises(NameRefusedError, match="a name has up to 80 letters"):
             refused()
     assert [entry.name for entry in shelf.entries()] == ["first"]
 
@@ -96,7 +97,7 @@ def test_bad_names_are_refused_everywhere(shelf: RunStore, name: str) -> None:
 def test_a_name_that_is_taken_is_refused(shelf: RunStore) -> None:
     put(shelf, "first")
     put(shelf, "second")
-    with pytest.raises(RunNameError, match="already something called 'second'"):
+    with pytest.raises(NameRefusedError, match="already something called 'second'"):
         shelf.rename("first", "second")
 
 

@@ -15,8 +15,9 @@ from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.field.captures import NODES, gather
+from nerfnav_app.jobs.field.request import Photographs, TrainRequest
 from nerfnav_app.jobs.field.train import run
-from nerfnav_app.jobs.field.training_data import Photographs, StoppedError, TrainRequest
+from nerfnav_app.jobs.field.training_data import StoppedError
 from nerfnav_app.jobs.open import make_field as adopt
 from nerfnav_app.places.sources import BUDGETS_S, USUAL
 from tests.app.following import followed, result_of

@@ -21,8 +21,9 @@ from nerfnav.world.capture import CaptureConfig
 from nerfnav.world.contact import judge
 from nerfnav_app.cli.main import main
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.field.train import StoppedError, TrainRequest, run
-from nerfnav_app.jobs.field.training_data import Photographs, TrainingData, gather
+from nerfnav_app.jobs.field.request import Photographs, TrainRequest
+from nerfnav_app.jobs.field.train import run
+from nerfnav_app.jobs.field.training_data import StoppedError, TrainingData, gather
 from nerfnav_app.places.place import open_place
 from tests.app.following import followed, result_of
 from tests.importers.meshes.places import two_textures, write

@@ -12,9 +12,9 @@ from nerfnav.field.train.progress import TrainStep
 from nerfnav.world.capture import CaptureConfig
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.field.bundled import images_for, iterations_for
-from nerfnav_app.jobs.field.request import NeuralOptions
+from nerfnav_app.jobs.field.request import NeuralOptions, Photographs, TrainRequest
 from nerfnav_app.jobs.field.train import run
-from nerfnav_app.jobs.field.training_data import Photographs, StoppedError, TrainRequest
+from nerfnav_app.jobs.field.training_data import StoppedError
 from nerfnav_app.places.place import NoTrainedFieldError, field_file, open_place
 from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import followed, result_of

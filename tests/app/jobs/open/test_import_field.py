@@ -78,7 +78,7 @@ def test_a_checkpoint_is_baked_unless_its_networks_are_to_be_kept(tmp_path: Path
     last = result_of(run(ImportRequest(source, tmp_path / "net.npz", keep_network=True, placement=placement)))
     assert last.summary["source"]["layers"] == 4
     assert isinstance(load_field(tmp_path / "net.npz"), NeuralField)
-    events, made = followed(run(ImportRequest(source, tmp_path / "baked.npz", 0.06, placement=placement)))
+    events, made = followed(run(ImportRequest(source, tmp_path / "baked.npz", voxel=0.06, placement=placement)))
     fractions = [event.fraction for event in events if isinstance(event, Progress)]
     assert fractions == sorted(fractions) and len(fractions) >= 4
     baked = load_field(tmp_path / "baked.npz")
