@@ -34,6 +34,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE, Belief
+from nerfnav.estimator.core.filter_config import FastConfig
 from nerfnav.estimator.core.prediction import estimate_noise_scale
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fit_pose
 from nerfnav.estimator.photometric.levenberg_marquardt import (
@@ -64,10 +65,7 @@ _FITS = 2
 """Fits in sequence, each from the end of the last: a filter that follows begins as near."""
 _ROUNDS = 60
 """Rounds of expectation and maximisation."""
-_EXPOSURE = (0.1, 0.05)
 _ITSELF = Pose(torch.eye(3), torch.zeros(3))
-_TRUST = 1.5
-"""Degrees of freedom of the prior on the size of process noise (see prediction.py)."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,7 @@ def correct_schmidt_kalman(
     shown = held + map_error.double()
     pose = shown[POSE][:, POSE].inverse()
     seen = posterior[POSE][:, POSE].inverse() - pose
-    size = max(1.0, estimate_noise_scale(change[POSE], pose, seen, _TRUST))
+    size = max(1.0, estimate_noise_scale(change[POSE], pose, seen, FastConfig.noise_trust))
     more = (size - 1) * noise.covariance().double()
     held, shown = held + more, shown + more
     gain = torch.linalg.solve(shown, held).T
@@ -135,8 +133,11 @@ def measure_map_error(
     """Return F, 36 numbers row by row; empty where too few photographs can be fitted."""
     size = float(field.box.size.max())
     deviations = torch.tensor([_DEVIATION * size] * 3 + [_DEVIATION / _DEPTH] * 3)
-    found = _fit_photographs(field, photographs, noise, deviations, generator)
-    ends = [end for end in found if (end[0].abs() < _ASTRAY * deviations).all()]
+    ends = [
+        end
+        for end in _fit_photographs(field, photographs, noise, deviations, generator)
+        if (end[0].abs() < _ASTRAY * deviations).all()
+    ]
     if len(ends) < _FEWEST:
         return ()
     errors, reported = (torch.stack(part).double() for part in zip(*ends, strict=True))
@@ -204,9 +205,8 @@ def _fit_photographs(
                 start = Guess.at(end.guess.pose)
                 end, _ = fit_pose(image, view, start, beside, model.prior, AlignConfig(), generator)
             found = end.guess.pose[0]
-            shift = (found.position - true.position) @ true.rotation
-            error = torch.cat([shift, so3.local(true.rotation, found.rotation)])
-            yield error, model.covariance(end, found.rotation)
+            shift, turn = (found.position - true.position) @ true.rotation, so3.local(true.rotation, found.rotation)
+            yield torch.cat([shift, turn]), model.covariance(end, found.rotation)
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ class _PhotographModel:
     def prior(self, pixels: int) -> Prior:
         """Return a prior of the exposure alone."""
         kappa = 1 / (self.noise.alike_of(pixels, self.patches) * self.noise.std**2)
-        return Prior(join_information(None, _EXPOSURE), None, kappa, self.slack)
+        return Prior(join_information(None, (FastConfig.gain_std, FastConfig.bias_std)), None, kappa, self.slack)
 
     def covariance(self, end: Iterate, rotation: Float[Tensor, "3 3"]) -> Float[Tensor, "6 6"]:
         """Return C at the end of a fit, in the camera's axes."""

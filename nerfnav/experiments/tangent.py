@@ -44,9 +44,9 @@ def first_guess(arena: Arena, seed: int, error_rad: float) -> tuple[RigidState, 
     generator = torch.Generator().manual_seed(seed)
     truth = held_out_poses(arena, 1, seed)[0]
     view = View(build_levels(arena.field, 1 + _HALVINGS), CAMERA, FORWARD_MOUNT).at(_HALVINGS)
-    pixels = view[1].pixels()
+    pixels = view.camera.pixels()
     pixels = pixels[torch.randperm(len(pixels), generator=generator)[:_PIXELS]]
-    seen = Observation(*view, pixels, torch.zeros(len(pixels), 3))
+    seen = Observation(view.field, view.camera, view.mount, pixels, torch.zeros(len(pixels), 3))
     seen = replace(seen, colors=seen.shown(truth.pose.map(lambda tensor: tensor[None]))[0])
     error = torch.zeros(TANGENT)
     error[POSITION] = _OFF * torch.randn(3, generator=generator)

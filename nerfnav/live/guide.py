@@ -132,7 +132,8 @@ class Guide:
             return self._given_up(f"the place is known to {100 * spread:.1f} cm, and plans need {100 * widest:.1f} cm")
         if self._is_there(belief.mean, end):
             self._course = None
-            return Guidance(Order.ARRIVED, "the vehicle is at its goal", (_resting(goal, time),), 0.0)
+            resting = Setpoint(time, goal.position, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), goal.yaw)
+            return Guidance(Order.ARRIVED, "the vehicle is at its goal", (resting,), 0.0)
         last = self._course
         if last is not None and last.goal == goal and last.holds(belief.mean, time, widest):
             return last.guidance
@@ -193,9 +194,8 @@ class Guide:
         """Planner and guard of flights, with the map at a height."""
         occupancy = self.map_at(height)
         if id(occupancy) not in self._pilots:
-            planning, noise = self.config.planning, self.config.noise
             self._pilots[id(occupancy)] = build_safe_planner(
-                planners.load("fast"), self.field, occupancy, self.robot, planning, noise
+                planners.load("fast"), self.field, occupancy, self.robot, self.config.planning, self.config.noise
             )
         return self._pilots[id(occupancy)]
 
@@ -222,10 +222,6 @@ def _stopping(outcome: PlanOutcome, backup: FallbackTrajectory | None, time: flo
     if backup is None or not backup.safe:
         return Guidance(Order.HOLD, reason)
     return Guidance(Order.BRAKE, reason, setpoints_of(backup.motion, time), backup.bound)
-
-
-def _resting(goal: Goal, time: float) -> Setpoint:
-    return Setpoint(time, goal.position, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), goal.yaw)
 
 
 def _arrival(last: _Course | None, motion: Motion, time: float) -> float:

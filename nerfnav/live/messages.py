@@ -91,24 +91,21 @@ def encode_message(message: Picture | FromServer, text: bool = False) -> bytes |
 
 def decode_picture_message(message: bytes | str) -> Picture:
     """Decode a message of a vehicle. Raises MessageError, in one sentence, where that is no picture."""
-    try:
-        return _decoded(message, Picture)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise MessageError(f"this is no picture message: {error}") from error
+    return _decoded(message, Picture, "this is no picture message")
 
 
 def decode_server_message(message: bytes | str) -> FromServer:
     """Decode a message of a server. Raises MessageError where that is none of its messages."""
+    return _decoded(message, FromServer, "the server speaks otherwise than this client")
+
+
+def _decoded(message: bytes | str, kind: Any, complaint: str) -> Any:
     try:
-        return _decoded(message, FromServer)
+        if isinstance(message, str):
+            return msgspec.json.decode(message, type=kind)
+        return msgspec.msgpack.decode(message, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise MessageError(f"the server speaks otherwise than this client: {error}") from error
-
-
-def _decoded(message: bytes | str, kind: Any) -> Any:
-    if isinstance(message, str):
-        return msgspec.json.decode(message, type=kind)
-    return msgspec.msgpack.decode(message, type=kind)
+        raise MessageError(f"{complaint}: {error}") from error
 
 
 def check_version(welcome: FromServer) -> Welcome:

@@ -72,16 +72,11 @@ class Navigator:
         self.config = LiveConfig() if config is None else config
         self.field, self.robot = field, robot
         self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
-        self._tracker = Tracker(field, self.camera, GuidedVehicle(robot.name), self.mount, self._settings)
+        tracking = self.config.tracker.for_field(field.info) if isinstance(field, GridField) else self.config.tracker
+        self._tracker = Tracker(field, self.camera, GuidedVehicle(robot.name), self.mount, tracking)
         self._guide = Guide(field, robot, self.config.guide)
         self._last: float | None = None
         self._followed: Guidance | None = None
-
-    @property
-    def _settings(self) -> TrackerConfig:
-        """Options of tracking, with the measured properties of the field."""
-        settings = self.config.tracker
-        return settings.for_field(self.field.info) if isinstance(self.field, GridField) else settings
 
     def forget(self) -> None:
         """Begin anew: another vehicle comes, or its clock begins anew. Preparations are kept."""

@@ -146,11 +146,10 @@ class Episode:
         if not steps:
             raise InvalidInputError("an episode needs at least one navigation step")
         actions = [step.action for step in steps if step.action is not None]
-        none = steps[0].plan.actions.new_zeros(0, steps[0].plan.actions.shape[-1])
         return cls(
             RigidState.stack([step.truth for step in steps]),
             Belief.stack([step.belief for step in steps]),
-            torch.stack(actions) if actions else none,
+            torch.stack(actions) if actions else steps[0].plan.actions[:0],
             tuple(step.plan for step in steps),
             torch.tensor([step.touched for step in steps]),
             torch.tensor([step.filter_ms for step in steps]),
@@ -258,12 +257,11 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
     lengths, dt = stored["plan.steps"].tolist(), float(about["dt"])
     parts = [stored[f"plan.{name}"].split([n + 1 for n in lengths]) for name in _STATE]
     states = [RigidState(*state) for state in zip(*parts, strict=True)]
-    actions = stored["plan.actions"].split(lengths)
     return Episode(
         _state("truth", stored),
         Belief(_state("belief", stored), stored["belief.covariance"]),
         stored["actions"],
-        tuple(Motion(*plan, dt) for plan in zip(states, actions, strict=True)),
+        tuple(Motion(*plan, dt) for plan in zip(states, stored["plan.actions"].split(lengths), strict=True)),
         stored["touched"],
         stored["filter_ms"],
         stored["replan_ms"],

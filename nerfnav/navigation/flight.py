@@ -19,9 +19,6 @@ from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorCon
 from nerfnav.planner import Planner
 from nerfnav.robots import Motion, RigidState, StateNoise
 
-Clock = Callable[[], float]
-"""Seconds since any time."""
-
 
 @dataclass(frozen=True)
 class OperatorRequests:
@@ -52,7 +49,9 @@ class ActiveGoal:
 
     def replaced_by(self, goal: RigidState | None, index: int) -> "ActiveGoal":
         """Return the active goal after a request at time step `index`; None requests none."""
-        if goal is None or _is_same_pose(goal, self.goal):
+        if goal is None or (
+            torch.equal(goal.position, self.goal.position) and torch.equal(goal.rotation, self.goal.rotation)
+        ):
             return self
         return ActiveGoal(goal, since=index)
 
@@ -60,10 +59,6 @@ class ActiveGoal:
     def plan_end(self) -> RigidState:
         """State at which the next plan ends."""
         return self.end or self.goal
-
-
-def _is_same_pose(one: RigidState, other: RigidState) -> bool:
-    return torch.equal(one.position, other.position) and torch.equal(one.rotation, other.rotation)
 
 
 @dataclass(frozen=True)
@@ -103,8 +98,7 @@ class NavigateConfig:
     @classmethod
     def paper(cls) -> "NavigateConfig":
         """Return the paper's assumptions: covariance 0.1 I at the start and for the process noise."""
-        initial = StateNoise.isotropic(0.1)
-        return cls(filter=FilterConfig.paper(), initial=initial, look_first=False, in_sight=0.0)
+        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1), look_first=False, in_sight=0.0)
 
 
 @dataclass(frozen=True)
@@ -123,8 +117,8 @@ class FlightRequest:
     """Called once before each time step."""
     realtime: bool = False
     """Whether the world goes on while filter and planner compute (see navigation/realtime.py)."""
-    clock: Clock = perf_counter
-    """Measures how long filter and planner compute [s]."""
+    clock: Callable[[], float] = perf_counter
+    """Measures how long filter and planner compute: seconds since any time."""
 
 
 @dataclass(frozen=True)

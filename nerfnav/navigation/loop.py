@@ -73,8 +73,7 @@ def navigate(
         if config.open_loop:
             now = dead_reckon(now, last, flight)
         else:
-            image = look(flight)
-            now = yield from correct(now, last, image, memory, flight)
+            now = yield from correct(now, last, simulator.look(), memory, flight)
             now = yield from supervise(now, memory, requests, flight)
             now, goal = yield from replan(now, last, goal, memory, flight)
         for step in _in_real_time(last, now, flight):
@@ -131,11 +130,6 @@ def act(last: NavigationStep, requests: OperatorRequests, flight: FlightContext)
     )  # fmt: skip
 
 
-def look(flight: FlightContext) -> Tensor | None:
-    """Take the picture of the robot's camera; None where none arrives."""
-    return flight.simulator.look()
-
-
 def correct(
     now: NavigationStep, last: NavigationStep, image: Tensor | None, memory: SupervisorMemory, flight: FlightContext
 ) -> Generator[FilterStep, None, NavigationStep]:
@@ -180,8 +174,9 @@ def replan(
 def dead_reckon(now: NavigationStep, last: NavigationStep, flight: FlightContext) -> NavigationStep:
     """Fly in open loop: the dynamics alone move the belief, and the rest of the plan is flown next."""
     dt, motion = flight.request.dt, last.plan
-    noise = flight.config.filter.process_noise
-    belief = predict(last.belief, motion.actions[0], flight.simulator.robot, dt, noise)
+    belief = predict(
+        last.belief, motion.actions[0], flight.simulator.robot, dt, flight.config.filter.process_noise
+    )
     return replace(now, belief=belief, plan=Motion(motion.states[1:], motion.actions[1:], dt))
 
 
@@ -218,7 +213,7 @@ def _correct_at_rest(step: NavigationStep, flight: FlightContext) -> Generator[F
     step = replace(step, apparent=flight.stack.map_error.beside(step.belief))
     if not flight.config.look_first or not isinstance(estimator, Corrector) or not estimator.trust_dynamics:
         return step
-    image = look(flight)
+    image = flight.simulator.look()
     steps = estimator.correct(step.filter_belief, image, flight.generator)
     done = yield from _run_filter(steps, replace(step, image=image), flight)
     if done.filter_outcome is FilterOutcome.UPDATED:

@@ -10,21 +10,13 @@ the believed state.
 import math
 from collections.abc import Callable, Generator, Iterator
 from time import perf_counter
-from typing import TypeVar
 
-from jaxtyping import Float
-from torch import Tensor
-
-from nerfnav.core.steps import run_steps
-from nerfnav.estimator import Belief
+from nerfnav.core.steps import Result, Step, run_steps
 from nerfnav.navigation.episode import NavigationStep
 from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import FlightContext
 from nerfnav.navigation.supervisor import SupervisorConfig
 from nerfnav.robots import Motion, RigidState, Robot
-
-Step = TypeVar("Step")
-Result = TypeVar("Result")
 
 
 def measure_time(
@@ -52,18 +44,14 @@ def fly_missed_steps(before: Motion, late: NavigationStep, flight: FlightContext
     for ahead in range(1, count + 1):
         flown = advance_plan(before, ahead - 1, belief.mean, simulator.robot)
         touched = simulator.follow(flown, believed=belief.mean)
-        belief = _predict(belief, flown.actions[0], dt, flight)
+        update = flight.stack.estimator.update(belief, None, flown.actions[0], dt, flight.generator)
+        belief = run_steps(update).posterior
         plan = late.plan if ahead == count else before
         yield NavigationStep(
             late.index + ahead, (late.index + ahead) * dt, flown.actions[0], simulator.state,
             flight.stack.map_error.beside(belief), None, None, advance_plan(plan, ahead, belief.mean, simulator.robot),
             touched, 0.0, 0.0, recovery=late.recovery, late=True, apparent=belief,
         )  # fmt: skip
-
-
-def _predict(belief: Belief, action: Float[Tensor, " a"], dt: float, flight: FlightContext) -> Belief:
-    """Update a belief without a picture."""
-    return run_steps(flight.stack.estimator.update(belief, None, action, dt, flight.generator)).posterior
 
 
 def count_missed(spent_ms: float, dt: float) -> int:

@@ -211,10 +211,11 @@ class Supervisor:
         """Assess the situation; a robot that holds because of its position must be surer, and see something."""
         config, deviation = self.config, belief.position_std
         sees_nothing = outcome is FilterOutcome.PREDICTED_ONLY  # black and plain pictures look alike everywhere
-        if memory.unsure > 0:
-            uncertain = sees_nothing or deviation > config.sure
-        else:
-            uncertain = sees_little(outcome) and deviation > config.widest
+        uncertain = (
+            sees_nothing or deviation > config.sure
+            if memory.unsure > 0
+            else sees_little(outcome) and deviation > config.widest
+        )
         overdue = memory.disagreed + 1 - config.patience  # pictures since the robot counts as lost
         searched, since = divmod(memory.adrift, config.between)
         return Situation(

@@ -1,7 +1,7 @@
 """Photometric consistency: how well a picture agrees with the field at an estimated pose."""
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import UInt8
@@ -44,10 +44,9 @@ class UsualDifference:
     """Difference of held-out photographs: a standard deviation."""
     remembered: int
     """Pictures of which the median is taken."""
-    _last: deque[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self._last = deque(maxlen=self.remembered)
+        self._last: deque[float] = deque(maxlen=self.remembered)
 
     @property
     def difference(self) -> float:

@@ -158,9 +158,8 @@ class Tracker:
         else:
             update = filter_.correct(seen, small, self._generator, noise)
         found = run_steps(update)
-        posterior = prediction
-        if found.outcome in _USED:
-            posterior = correct_schmidt_kalman(found.posterior, prediction, map_error, noise)
+        used = found.outcome in _USED
+        posterior = correct_schmidt_kalman(found.posterior, prediction, map_error, noise) if used else prediction
         return replace(found, posterior=posterior), PhotometricConsistency.of(found.step, small)
 
     def _filter(self, camera: Camera) -> AlignedFilter | FastFilter:

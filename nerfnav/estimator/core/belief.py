@@ -51,8 +51,7 @@ def hessian(function: Callable[[Tensor], Tensor], at: Float[Tensor, " n"]) -> Fl
     with torch.enable_grad():
         at = at.detach().requires_grad_()
         (gradient,) = torch.autograd.grad(function(at), at, create_graph=True)
-        rows = [torch.autograd.grad(entry, at, retain_graph=True)[0] for entry in gradient]
-    matrix = torch.stack(rows)
+        matrix = torch.stack([torch.autograd.grad(entry, at, retain_graph=True)[0] for entry in gradient])
     return 0.5 * (matrix + matrix.T)
 
 

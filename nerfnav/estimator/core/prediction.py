@@ -52,8 +52,7 @@ def transition(
     tangents = torch.cat([torch.zeros_like(apart[:1]), apart, -apart])
     moved = robot.step(_copies(state, len(tangents)).retract(tangents), action.double().expand(len(tangents), -1), dt)
     ahead, behind = _copies(moved[0], 2 * TANGENT).local(moved[1:]).chunk(2)
-    after = moved[0].map(lambda tensor: tensor.to(state.position))
-    return after, ((ahead - behind) / (2 * _STEP)).T.to(state.position)
+    return moved[0].to(state.position), ((ahead - behind) / (2 * _STEP)).T.to(state.position)
 
 
 def predict(belief: Belief, action: Float[Tensor, " a"], robot: Robot, dt: float, noise: ProcessNoise) -> Belief:

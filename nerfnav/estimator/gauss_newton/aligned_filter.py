@@ -74,8 +74,7 @@ class AlignedFilter:
             check_image(image, self.camera)
         if not is_usable(image, self.config.least_contrast):
             return keep_prediction(prediction)
-        problem = UpdateProblem(self.view, self.config, prediction, image, generator, noise)
-        return _correct(problem, self.align, starts)
+        return _correct(UpdateProblem(self.view, self.config, prediction, image, generator, noise), self.align, starts)
 
 
 def _correct(problem: UpdateProblem, config: AlignConfig, starts: int) -> FilterUpdate:

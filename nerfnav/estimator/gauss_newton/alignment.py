@@ -60,14 +60,13 @@ def choose_start(problem: UpdateProblem, many: bool) -> Start:
 
 def start_at_mean(problem: UpdateProblem) -> Start:
     """Return the mean of the prediction."""
-    return Start(Guess.at(problem.prediction.mean.pose.map(lambda tensor: tensor[None])))
+    return Start(Guess.at(problem.prediction.mean.pose[None]))
 
 
 def align(problem: UpdateProblem, stages: Sequence[Stage], start: Start) -> Generator[FilterStep, None, Minimum]:
     """Descend through at least one stage, each from the likeliest poses of the one before; yields every iteration."""
     stage, *finer = stages
-    selection = select_pixels(problem, stage, start)
-    minimum = yield from _descend(problem, stage, selection, start)
+    minimum = yield from _descend(problem, stage, select_pixels(problem, stage, start), start)
     if not finer:
         return minimum
     return (yield from align(problem, finer, _next_start(minimum, stage.kept)))
@@ -109,8 +108,7 @@ def draw_poses(prediction: Belief, count: int, generator: torch.Generator) -> Po
     """Return the mean of a prediction, and random poses of it, batch shape (count + 1,)."""
     mean = prediction.mean
     root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
-    draws = torch.randn(count, 6, generator=generator) @ root.T
-    draws = torch.cat([torch.zeros(1, 6), draws])
+    draws = torch.cat([torch.zeros(1, 6), torch.randn(count, 6, generator=generator) @ root.T])
     return Pose(so3.retract(mean.rotation.expand(len(draws), 3, 3), draws[:, 3:]), mean.position + draws[:, :3])
 
 
@@ -119,8 +117,7 @@ def select_likeliest(seen: Observation, poses: Pose, count: int, saturation: flo
 
     Colour differences above `saturation` [1 = full scale] count as this.
     """
-    off = residuals(seen, poses).abs().clamp_max(saturation).mean((1, 2))
-    best = off.argsort()[:count]
+    best = residuals(seen, poses).abs().clamp_max(saturation).mean((1, 2)).argsort()[:count]
     return Guess.at(poses[torch.cat([torch.zeros(1, dtype=best.dtype), best[best != 0]])])
 
 
@@ -152,8 +149,9 @@ def _descend(
 ) -> Generator[FilterStep, None, Minimum]:
     """Improve all poses of a start in one stage."""
     seen, pyramid = selection.observation, problem.config.pyramid
-    settled = pyramid.settled * 2**stage.halvings
-    settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled, stretch=pyramid.stretch)
+    settings = NewtonConfig(
+        stage.iterations, robust=stage.robust, settled=pyramid.settled * 2**stage.halvings, stretch=pyramid.stretch
+    )
     iterates = improve(seen, start.guess, problem.prior(len(seen.pixels), stage.halvings), settings, stage.every)
     here, iteration = next(iterates), start.iteration
     while True:
@@ -192,5 +190,7 @@ def _select(
 
 def _are_alike(first: Pose, second: Pose, bounds: tuple[float, float]) -> bool:
     """Return True for two poses nearer than this: position [m], attitude [rad]."""
-    apart = (first.position - second.position).norm()
-    return bool(apart < bounds[0]) and bool(so3.local(first.rotation, second.rotation).norm() < bounds[1])
+    return bool(
+        (first.position - second.position).norm() < bounds[0]
+        and so3.local(first.rotation, second.rotation).norm() < bounds[1]
+    )

@@ -90,8 +90,8 @@ class UpdateProblem:
     @cached_property
     def _information(self) -> Float[Tensor, "8 8"]:
         """Inverse covariance of pose and exposure."""
-        known = self.pose_information if self.trusted else None
-        return join_information(known, (self.config.gain_std, self.config.bias_std))
+        exposure_std = (self.config.gain_std, self.config.bias_std)
+        return join_information(self.pose_information if self.trusted else None, exposure_std)
 
     @cached_property
     def _regression(self) -> Float[Tensor, "12 6"]:
@@ -130,8 +130,11 @@ class Minimum:
 
 def is_doubtful(problem: UpdateProblem, minimum: Minimum) -> bool:
     """Return True where the colours differ by more than noise explains, in mean square or in the median."""
-    bound = problem.config.pyramid.search.doubt * problem.config.color_noise.std
-    return not _mean_square(problem, minimum) <= bound**2 or _fails_residual_gate(problem, minimum.step)
+    config = problem.config
+    bound = config.pyramid.search.doubt * config.color_noise.std
+    return not _mean_square(problem, minimum) <= bound**2 or _median_exceeds(
+        problem, minimum.step, config.residual_gate
+    )
 
 
 def correct(problem: UpdateProblem, minimum: Minimum, rival: Minimum | None = None) -> FilterResult:
@@ -139,7 +142,7 @@ def correct(problem: UpdateProblem, minimum: Minimum, rival: Minimum | None = No
     result = compute_posterior(problem, minimum)
     if result.outcome is FilterOutcome.DIVERGED:
         return result
-    if _is_unexplained(problem, minimum):
+    if is_doubtful(problem, minimum) and _median_exceeds(problem, minimum.step, _MEDIAN):  # not for the sake of a few
         return downgrade_unexplained(result, problem.prediction)
     other = None if rival is None else compute_posterior(problem, rival)
     if other is None or other.outcome is FilterOutcome.DIVERGED:
@@ -152,7 +155,7 @@ def compute_posterior(problem: UpdateProblem, minimum: Minimum) -> FilterResult:
     """Return the posterior at a minimum (Laplace), or the prediction where the minimum fails a gate."""
     config, step = problem.config, minimum.step
     information, change = picture_information(minimum.iterate), minimum.iterate.change[0, _POSE]
-    passes = step.process <= config.innovation_gate and not _fails_residual_gate(problem, step)
+    passes = step.process <= config.innovation_gate and not _median_exceeds(problem, step, config.residual_gate)
     if not passes or not information.isfinite().all():
         return FilterResult(problem.prediction, FilterOutcome.DIVERGED, step)
     ratio = _information_ratio(problem, minimum)
@@ -212,15 +215,9 @@ def _weakened(result: FilterResult, posterior: Belief) -> FilterResult:
     return replace(result, posterior=posterior, outcome=FilterOutcome.WEAK, step=step)
 
 
-def _is_unexplained(problem: UpdateProblem, minimum: Minimum) -> bool:
-    """Return True where a minimum is doubtful for the sake of most pixels, not of a few."""
-    median = minimum.step.residual.median().item()
-    return is_doubtful(problem, minimum) and not median <= _MEDIAN * problem.config.color_noise.std
-
-
-def _fails_residual_gate(problem: UpdateProblem, step: FilterStep) -> bool:
-    """Return True where most pixels differ by more than noise explains."""
-    return not step.residual.median().item() <= problem.config.residual_gate * problem.config.color_noise.std
+def _median_exceeds(problem: UpdateProblem, step: FilterStep, deviations: float) -> bool:
+    """Return True where most pixels differ by more than so many standard deviations of the noise."""
+    return not step.residual.median().item() <= deviations * problem.config.color_noise.std
 
 
 def _mean_square(problem: UpdateProblem, minimum: Minimum) -> float:
@@ -246,5 +243,4 @@ def _adapt_noise(
     if problem.noise is None or not problem.trusted or not problem.config.adaptive:
         return problem
     size = estimate_noise_scale(change, problem.pose_information, information, problem.config.noise_trust)
-    scaled = scale_process_noise(problem.prediction, problem.noise.covariance(), size)
-    return replace(problem, prediction=scaled)
+    return replace(problem, prediction=scale_process_noise(problem.prediction, problem.noise.covariance(), size))

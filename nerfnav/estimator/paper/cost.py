@@ -50,15 +50,13 @@ class PoseCost:
     @classmethod
     def of(cls, observation: Observation, prediction: Belief, noise: ColorNoise) -> "PoseCost":
         """Build J for a picture and a prediction; raises InvalidInputError where Sigma- is no covariance."""
-        information = precision(prediction.covariance)
-        return cls(observation, prediction, information, noise)
+        return cls(observation, prediction, precision(prediction.covariance), noise)
 
     def terms(self, state: RigidState) -> CostTerms:
         """Return J at a state, differentiable; inliers are chosen afresh, outside the gradient."""
         residual = self.observation.residual(state)
         believed = inliers(residual, self.noise)
-        photometric = photometric_cost(residual, believed, self.noise)
-        return CostTerms(photometric, self.process(state), residual, believed)
+        return CostTerms(photometric_cost(residual, believed, self.noise), self.process(state), residual, believed)
 
     def process(self, state: RigidState) -> Float[Tensor, ""]:
         """Return the process term at a state."""

@@ -86,8 +86,7 @@ class PoseFilter:
     def _correct(self, prediction: Belief, image: Tensor, generator: torch.Generator) -> FilterUpdate:
         """Select pixels, align, test (and align again from elsewhere where it fails), and correct."""
         view, config = FieldCamera(self.field, self.camera, self.mount), self.config
-        slopes = partial(Observation.slopes, prediction.mean.pose, view)
-        choice = choose_pixels(image, config.pixels, generator, slopes)
+        choice = choose_pixels(image, config.pixels, generator, partial(Observation.slopes, prediction.mean.pose, view))
         cost = PoseCost.of(Observation.of(image, choice.pixels, view), prediction, config.color_noise)
         if not is_usable(image, config.least_contrast):
             with torch.no_grad():

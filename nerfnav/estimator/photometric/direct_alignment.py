@@ -155,11 +155,9 @@ def draw_spaced_pixels(camera: Camera, count: int, generator: torch.Generator) -
 
 def _scene(seen: Observation, pose: Pose) -> tuple[tuple[np.ndarray, ...], float]:
     """Return the arguments of the kernel `align`, and the median depth [m]."""
-    at = pose.compose(seen.mount)
-    origins, directions = seen.camera.rays(at, seen.pixels)
+    origins, directions = seen.camera.rays(pose.compose(seen.mount), seen.pixels)
     shown = _rendered(seen, origins.contiguous(), directions.contiguous())
-    longest = float(seen.field.box.size.max())
-    depth = torch.where(shown.opacity > 0.5, shown.depth, torch.full_like(shown.depth, _FAR * longest))
+    depth = torch.where(shown.opacity > 0.5, shown.depth, _FAR * float(seen.field.box.size.max()))
     points = origins.double() + depth.double()[:, None] * directions.double()
     flat, lens = _lens(seen.camera, seen.pixels)
     parts = (points, shown.color.float(), seen.pixels.double() + 0.5, flat, lens, seen.mount.rotation.double(),
@@ -190,16 +188,12 @@ def _lens(camera: Camera, pixels: Int[Tensor, "m 2"]) -> tuple[Float[Tensor, "m 
 
 def _round(scene: tuple[np.ndarray, ...], guess: Guess, prior: Prior, config: AlignConfig) -> Guess:
     """Return the end of one round."""
-    mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
-    information, turn, place = (
-        np.ascontiguousarray(part.double().numpy()) for part in (prior.information, mean.rotation, mean.position)
-    )
-    known = (information, turn, place, prior.mean is not None, prior.kappa)
     square = (UNKNOWNS, UNKNOWNS)
     shapes = ((3, 3), (3,), (2,), (), (), (len(scene[1]), 3), (UNKNOWNS,), square, square, (UNKNOWNS,))
     state = tuple(np.zeros((2, *shape)) for shape in shapes)
     for part, begin in zip(state, (guess.pose.rotation, guess.pose.position, guess.exposure), strict=False):
         part[0] = begin[0].double().numpy()
+    known = prior.arguments()[:-1]  # without the slack: the slopes are the picture's
     held = align(scene, known, (config.iterations, config.damping, config.robust, config.settled), state)
     rotation, position, exposure = (torch.from_numpy(part[held]).float()[None] for part in state[:3])
     return Guess(Pose(rotation, position), exposure)

@@ -123,6 +123,12 @@ class Prior:
     slack: float = 0.0
     """m / s, how far surfaces are misplaced over the noise of colours [m]."""
 
+    def arguments(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, float, float]:
+        """Return the arguments of kernels: information, R and p of the mean, whether there is one, kappa and slack."""
+        mean = Pose(torch.eye(3), torch.zeros(3)) if self.mean is None else self.mean
+        turn, place = array_of(mean.rotation), array_of(mean.position)
+        return array_of(self.information), turn, place, self.mean is not None, self.kappa, self.slack
+
 
 def join_information(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[float, float]) -> Float[Tensor, "8 8"]:
     """Return Lambda_z from that of a pose (None: 0) and standard deviations of gain and bias (0: known exactly)."""
@@ -149,7 +155,7 @@ class Sight(Protocol):
 
 
 @dataclass(frozen=True)
-class Iterate:
+class Iterate(TensorStruct):
     """Iterate of a minimisation, batch shape (n,)."""
 
     guess: Guess
@@ -178,10 +184,7 @@ class Iterate:
 
     def likeliest(self, count: int | None) -> Guess:
         """Return so many of the poses, the cheapest first; None: a third of them."""
-        count = count or -(-len(self.cost) // 3)
-        if len(self.cost) == 1:
-            return self.guess
-        return self.guess[self.cost.argsort()[:count]]
+        return self.guess[self.cost.argsort()[: count or -(-len(self.cost) // 3)]]
 
 
 def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
@@ -198,7 +201,9 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
         before, step = plain, stretch[:, None] * plain
         moved = step[:, POSE].abs().amax(-1)
         if bool((moved < config.settled).all()):
-            yield _settled(here, here.guess.retract(step), prior, moved)
+            guess = here.guess.retract(step)
+            change, process, known, _ = _pull(guess, prior)  # what the picture says stays
+            yield replace(here, guess=guess, process=process, change=change, known=known, moved=moved)
             return
         tried, _ = evaluate(sight, here.guess.retract(step), prior, config.robust, trust)
         better = tried.cost < here.cost
@@ -226,27 +231,14 @@ def evaluate(
     if trust is None:
         trust = 1 / (1 + (prior.slack * jacobian[..., :3]).square().sum(-1))
         trust = trust / trust.mean(-1, keepdim=True)
-    weight = prior.kappa * trust * (robust / size.clamp_min(1e-9)).clamp_max(1)
-    weighted = jacobian * weight[..., None]
+    weighted = jacobian * (prior.kappa * trust * (robust / size.clamp_min(1e-9)).clamp_max(1))[..., None]
     curvature = weighted.transpose(1, 2) @ jacobian
     slope = (flat[:, None] @ weighted)[:, 0]
     loss = (trust * robust_square(size, robust)).sum(-1)
-    known, by_known = _known(guess, prior)
-    push = known @ prior.information
-    process = (push * known).sum(-1)
-    turned = by_known.transpose(1, 2) @ prior.information @ by_known
-    pulled = (by_known.transpose(1, 2) @ push[..., None])[..., 0]
+    change, process, known, pulled = _pull(guess, prior)
     cost = prior.kappa * loss + process
     still = torch.zeros_like(cost)
-    return Iterate(guess, cost, process, residual, known, curvature, turned, slope + pulled, still), trust
-
-
-def _settled(here: Iterate, guess: Guess, prior: Prior, moved: Float[Tensor, " n"]) -> Iterate:
-    """After steps too small to look again: what the picture says stays, what the prior says follows."""
-    known, by_known = _known(guess, prior)
-    process = ((known @ prior.information) * known).sum(-1)
-    turned = by_known.transpose(1, 2) @ prior.information @ by_known
-    return replace(here, guess=guess, process=process, change=known, known=turned, moved=moved)
+    return Iterate(guess, cost, process, residual, change, curvature, known, slope + pulled, still), trust
 
 
 def robust_square(size: Float[Tensor, "*batch"], bound: float) -> Float[Tensor, "*batch"]:
@@ -254,43 +246,31 @@ def robust_square(size: Float[Tensor, "*batch"], bound: float) -> Float[Tensor, 
     return torch.where(size <= bound, size.square(), bound * (2 * size - bound))
 
 
-def _known(guess: Guess, prior: Prior) -> tuple[Float[Tensor, "n 8"], Float[Tensor, "n 8 8"]]:
-    """d_z, how far guesses are from what is known, and its derivative by z."""
+def _pull(
+    guess: Guess, prior: Prior
+) -> tuple[Float[Tensor, "n 8"], Float[Tensor, " n"], Float[Tensor, "n 8 8"], Float[Tensor, "n 8"]]:
+    """Return d_z, how far guesses are from what is known, and the prior's parts of J, its curvature and its slope."""
     count = len(guess.exposure)
-    identity = torch.eye(UNKNOWNS).expand(count, UNKNOWNS, UNKNOWNS)
-    if prior.mean is None:
-        return torch.cat([torch.zeros(count, 6), guess.exposure], -1), identity
-    turn = so3.local(prior.mean.rotation.expand_as(guess.pose.rotation), guess.pose.rotation)
-    known = torch.cat([guess.pose.position - prior.mean.position, turn, guess.exposure], -1)
-    derivative = identity.clone()
-    derivative[:, 3:6, 3:6] = torch.linalg.inv(so3.right_jacobian(turn))
-    return known, derivative
+    change = torch.cat([torch.zeros(count, 6), guess.exposure], -1)
+    derivative = torch.eye(UNKNOWNS).repeat(count, 1, 1)
+    if prior.mean is not None:
+        turn = so3.local(prior.mean.rotation.expand_as(guess.pose.rotation), guess.pose.rotation)
+        change[:, POSE] = torch.cat([guess.pose.position - prior.mean.position, turn], -1)
+        derivative[:, 3:6, 3:6] = torch.linalg.inv(so3.right_jacobian(turn))
+    push, back = change @ prior.information, derivative.transpose(1, 2)
+    pulled = (back @ push[..., None])[..., 0]
+    return change, (push * change).sum(-1), back @ prior.information @ derivative, pulled
 
 
 def _chosen(better: Bool[Tensor, " n"], tried: Iterate, here: Iterate, moved: Float[Tensor, " n"]) -> Iterate:
-    """The tried stage of the poses that it made better."""
-    moved = torch.where(better, moved, torch.zeros_like(moved))
-    if bool(better.all()):
-        return replace(tried, moved=moved)
-
-    def pick(new: Tensor, old: Tensor) -> Tensor:
-        return torch.where(better.reshape(-1, *[1] * (new.dim() - 1)), new, old)
-
-    pose = Pose(
-        pick(tried.guess.pose.rotation, here.guess.pose.rotation),
-        pick(tried.guess.pose.position, here.guess.pose.position),
-    )
-    parts = {
-        entry.name: pick(getattr(tried, entry.name), getattr(here, entry.name))
-        for entry in fields(Iterate)
-        if entry.name not in ("guess", "moved")
-    }
-    return Iterate(Guess(pose, pick(tried.guess.exposure, here.guess.exposure)), moved=moved, **parts)
+    """Return the tried stage of the poses that it made better, and the present one of the others."""
+    index = torch.arange(len(better)) + len(better) * ~better
+    return replace(Iterate.cat([tried, here])[index], moved=torch.where(better, moved, torch.zeros_like(moved)))
 
 
 def picture_information(here: Iterate, index: int = 0) -> Float[Tensor, "6 6"]:
     """Return a picture's information on one of the poses, with gain and bias marginalised (Schur's complement)."""
-    seen, exposure = here.seen[index], (here.seen + here.known)[index, EXPOSURE, EXPOSURE]
+    seen, exposure = here.seen[index], here.curvature[index, EXPOSURE, EXPOSURE]
     cross = seen[POSE, EXPOSURE]
     return seen[POSE, POSE] - cross @ torch.linalg.solve(exposure, cross.T)
 
@@ -324,27 +304,19 @@ def _last_of(stages: Iterator[Iterate]) -> Iterator[Iterate]:
 def _compiled(
     grid: RayGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
 ) -> Iterator[Iterate]:
-    mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
-    known = (
-        array_of(prior.information), array_of(mean.rotation), array_of(mean.position), prior.mean is not None,
-        prior.kappa, prior.slack,
-    )  # fmt: skip
     count, stages = len(start.exposure), config.iterations + 1
     trace = _trace(stages, count, len(seen.pixels))
     for part, begin in zip(trace, (start.pose.rotation, start.pose.position, start.exposure), strict=False):
         part[0] = begin.numpy()
-    held, moved, settings = np.empty((stages, count), np.int64), np.empty((stages, count)), _settings(config)
-    stages = descend(grid, seen.sight, known, settings, trace, held, moved)
+    held, moved = np.empty((stages, count), np.int64), np.empty((stages, count))
+    settings = (config.iterations, config.damping, config.robust, config.settled, config.stretch)
+    stages = descend(grid, seen.sight, prior.arguments(), settings, trace, held, moved)
     yielded = slice(0 if every else stages - 1, stages)
     holding = held[yielded], np.arange(count)
     parts = (*(part[holding] for part in trace), moved[yielded])
     shown = [torch.from_numpy(np.asarray(part, np.float32)) for part in parts]
     for rotation, position, exposure, *parts in zip(*shown, strict=True):
         yield Iterate(Guess(Pose(rotation, position), exposure), **dict(zip(_PARTS, parts, strict=True)))
-
-
-def _settings(config: NewtonConfig) -> tuple[int, float, float, float, float]:
-    return config.iterations, config.damping, config.robust, config.settled, config.stretch
 
 
 _PARTS = ("cost", "process", "residual", "change", "seen", "known", "slope", "moved")

@@ -105,10 +105,10 @@ def choose_pixels(
     """
     every = torch.arange(image.shape[0] * image.shape[1])
     if config.count >= len(every):
-        return _choice(every, PixelSource.ALL, image)
+        return PixelChoice(_places(every, image), PixelSource.ALL)
     near = _around_features(image, config, generator)
     if len(near) == config.count:
-        return _choice(near, PixelSource.FEATURES, image)
+        return PixelChoice(_places(near, image), PixelSource.FEATURES)
     left = torch.ones(len(every), dtype=torch.bool)
     left[near] = False
     others, wanted = left.nonzero().squeeze(-1), config.count - len(near)
@@ -117,7 +117,7 @@ def choose_pixels(
         others = asked[draw_by_information(slopes(_places(asked, image)), wanted, generator)]
     else:
         others = _draw(others, wanted, generator)
-    return _choice(torch.cat([near, others]), _source(config, len(near)), image)
+    return PixelChoice(_places(torch.cat([near, others]), image), _source(config, len(near)))
 
 
 def _around_features(
@@ -145,15 +145,10 @@ def draw_by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: t
     flat = slopes.double().nan_to_num(0, 0, 0).flatten(0, 1)
     information = flat.T @ flat
     information = information + _LEAST_TOLD * (information.diagonal().mean() + 1e-30) * torch.eye(6).double()
-    root = torch.linalg.cholesky(information)
-    whitened = torch.linalg.solve_triangular(root, flat.T, upper=False)
+    whitened = torch.linalg.solve_triangular(torch.linalg.cholesky(information), flat.T, upper=False)
     leverage = whitened.square().sum(0).reshape(-1, 3).sum(-1)
     late = torch.empty_like(leverage).exponential_(generator=generator) / leverage.clamp_min(1e-30)
     return late.argsort()[:count]
-
-
-def _choice(index: Int[Tensor, " m"], source: PixelSource, image: UInt8[Tensor, "height width 3"]) -> PixelChoice:
-    return PixelChoice(_places(index, image), source)
 
 
 def _places(index: Int[Tensor, " m"], image: UInt8[Tensor, "height width 3"]) -> Int[Tensor, "m 2"]:

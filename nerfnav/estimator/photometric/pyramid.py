@@ -128,16 +128,13 @@ class PyramidConfig:
         if not 1 <= self.stretch < math.inf:
             raise InvalidInputError(f"stretch must be a number, at least 1, not {self.stretch:g}")
 
-    def pixels_at(self, stage: int) -> int:
-        """Return the number of pixels compared in a stage."""
-        return self.pixels if stage + 1 >= len(self.halvings) else min(self.pixels, self.coarse_pixels)
-
     def stages(self, many: bool) -> list[Stage]:
         """Return all stages; the last but one leaves one pose, and each before the last is yielded as one step."""
         table = list(zip(self.halvings, self.robust, self.iterations, strict=True))
         last = len(table) - 1
         return [
-            Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels_at(index),
+            Stage(halvings, robust, most * (self.thorough if many else 1),
+                  self.pixels if index == last else min(self.pixels, self.coarse_pixels),
                   1 if index + 1 >= last else None, every=index == last)
             for index, (halvings, robust, most) in enumerate(table)
         ]  # fmt: skip
@@ -173,9 +170,10 @@ def observe_reduced(
     camera = view.camera
     colors, every = downsample_image(image, camera), camera.width * camera.height
     if count is None or count >= every:
-        return Observation(*view, camera.pixels(), colors)
+        return Observation(view.field, camera, view.mount, camera.pixels(), colors)
     drawn = torch.randperm(every, generator=seed)[:count]
-    return Observation(*view, torch.stack([drawn % camera.width, drawn // camera.width], -1), colors[drawn])
+    pixels = torch.stack([drawn % camera.width, drawn // camera.width], -1)
+    return Observation(view.field, camera, view.mount, pixels, colors[drawn])
 
 
 def reduce_camera(camera: Camera, longest: int = _LONGEST) -> Camera:

@@ -9,7 +9,6 @@ that err alike: S = k s^2 I.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -67,7 +66,8 @@ class ColorNoise:
         return max(1.0, squares / self.std**2) * max(1.0, self.few_patches / patches) ** 2
 
 
-class FieldCamera(NamedTuple):
+@dataclass(frozen=True)
+class FieldCamera:
     """A camera in a field."""
 
     field: Field
@@ -79,15 +79,9 @@ class FieldCamera(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Observation:
+class Observation(FieldCamera):
     """Pixels of a picture, with the field and the camera that predict them."""
 
-    field: Field
-    """Map."""
-    camera: Camera
-    """Camera of the picture."""
-    mount: Pose
-    """T_body_camera."""
     pixels: Int[Tensor, "m 2"]
     """(u, v) of the pixels that are compared."""
     colors: Float[Tensor, "m 3"]
@@ -101,7 +95,8 @@ class Observation:
         view: FieldCamera,
     ) -> "Observation":
         """Read the given pixels of a picture."""
-        return cls(*view, pixels, image[pixels[:, 1], pixels[:, 0]].float() / 255)
+        colors = image[pixels[:, 1], pixels[:, 0]].float() / 255
+        return cls(view.field, view.camera, view.mount, pixels, colors)
 
     def exposed(self, exposure: Float[Tensor, "2"]) -> "Observation":
         """Return the colours that the field should show, if this is the camera's gain less one, and bias."""
@@ -140,7 +135,7 @@ class Observation:
 
         By d(centre) [1/m] and d(turn) [1/rad], in the world's axes.
         """
-        blind = cls(*view, pixels, torch.zeros(len(pixels), 3))
+        blind = cls(view.field, view.camera, view.mount, pixels, torch.zeros(len(pixels), 3))
         with torch.no_grad():
             if (grid := get_ray_grid(blind.field)) is not None:
                 rows = slopes(grid, blind.sight, array_of(pose.rotation), array_of(pose.position))
@@ -154,8 +149,7 @@ class Observation:
         cameras = poses.compose(self.mount)
         directions = (self._in_camera @ cameras.rotation.transpose(-1, -2)).reshape(-1, 3)
         origins = cameras.position.repeat_interleave(len(self.pixels), 0)
-        quick = self.field.render_rays if isinstance(self.field, FastRenderer) else None
-        render = partial(render_rays, self.field) if quick is None else quick
+        render = self.field.render_rays if isinstance(self.field, FastRenderer) else partial(render_rays, self.field)
         with torch.no_grad():
             color = torch.cat([
                 render(*rays).color

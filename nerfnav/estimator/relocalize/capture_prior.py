@@ -54,8 +54,7 @@ def list_tilts_near(views: Pose) -> Float[Tensor, "t 3 3"]:
     left = so3.from_yaw(-so3.yaw_of(bodies)) @ bodies
     tilts: list[Tensor] = []
     while len(left) and len(tilts) < _MOST_TILTS:
-        apart = so3.log(left[:, None].transpose(-1, -2) @ left).norm(dim=-1)
-        alike = apart < _ALIKE
+        alike = so3.log(left[:, None].transpose(-1, -2) @ left).norm(dim=-1) < _ALIKE
         most = int(alike.sum(1).argmax())
         tilts.append(left[most])
         left = left[~alike[most]]

@@ -176,10 +176,10 @@ def search_panoramas(
     gain, bias = (unit / std**2 for std in config.exposure_std)
     poses, misfit = panoramas.likeliest(image, config.attempts * config.kept[0], (gain, bias))
     first = _Ranking(poses, misfit / unit, misfit.clamp_min(0).sqrt())
-    search, best, done = _Search(image, panoramas, noise, config, share), None, 0.0
+    best, done = None, 0.0
     while best is None or (best.outcome is RelocaliseOutcome.LOST and len(first.cost)):
         mine, first = first[: config.kept[0]], first[config.kept[0] :]
-        ranking, deviations = yield from search.improve(mine, done)
+        ranking, deviations = yield from _improve(mine, image, panoramas, noise, config, share, done)
         if best is None or ranking.differences[0] < best.step.differences[0]:
             step = ranking.step(1.0)
             best = RelocaliseResult(_judge(step, deviations, noise, config), step)
@@ -199,40 +199,36 @@ class _Ranking(TensorStruct):
         return RelocaliseStep(fraction, self.poses, torch.softmax(-0.5 * self.cost, 0), self.differences)
 
 
-@dataclass(frozen=True)
-class _Search:
-    """Search for one picture."""
+def _improve(
+    ranking: _Ranking,
+    image: Tensor,
+    panoramas: PanoramaIndex,
+    noise: ColorNoise,
+    config: RelocaliseConfig,
+    share: float,
+    done: float,
+) -> Generator[RelocaliseStep, None, tuple[_Ranking, Float[Tensor, "2"]]]:
+    """Improve poses through all stages; `done` is the share of the whole search that was done before.
 
-    image: Tensor
-    panoramas: PanoramaIndex
-    noise: ColorNoise
-    config: RelocaliseConfig
-    share: float
-
-    def improve(
-        self, ranking: _Ranking, done: float
-    ) -> Generator[RelocaliseStep, None, tuple[_Ranking, Float[Tensor, "2"]]]:
-        """Improve poses through all stages; `done` is the share of the whole search that was done before.
-
-        Returns them, and the largest standard deviations of the best.
-        """
-        config, generator, deviations = self.config, torch.Generator().manual_seed(0), torch.full((2,), torch.inf)
-        exposure = join_information(None, config.exposure_std)
-        stages = zip(config.halvings, config.kept, config.iterations, config.robust, strict=True)
-        for stage, (halvings, kept, iterations, robust) in enumerate(stages):
-            ranking = ranking[ranking.cost.argsort()[:kept]]
-            yield ranking.step(self.share * (done + stage / (len(config.halvings) * config.attempts)))
-            last_one = stage + 1 == len(config.halvings)
-            pixels = config.last_pixels if last_one and config.last_pixels is not None else config.pixels
-            seen = observe_reduced(self.image, self.panoramas.view.at(halvings), pixels, generator)
-            kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * self.noise.std**2)
-            settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
-            *_, here = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
-            differences = robust_square(here.residual.abs(), robust).mean((1, 2)).sqrt()
-            deviations = _largest_deviations(here) if last_one else deviations
-            ranking = _Ranking(here.guess.pose, here.cost, differences)
-            ranking = ranking[select_distinct(here.guess.pose, here.cost, config.alike)]
-        return ranking, deviations
+    Returns them, and the largest standard deviations of the best.
+    """
+    generator, deviations = torch.Generator().manual_seed(0), torch.full((2,), torch.inf)
+    exposure = join_information(None, config.exposure_std)
+    stages = zip(config.halvings, config.kept, config.iterations, config.robust, strict=True)
+    for stage, (halvings, kept, iterations, robust) in enumerate(stages):
+        ranking = ranking[ranking.cost.argsort()[:kept]]
+        yield ranking.step(share * (done + stage / (len(config.halvings) * config.attempts)))
+        last_one = stage + 1 == len(config.halvings)
+        pixels = config.last_pixels if last_one and config.last_pixels is not None else config.pixels
+        seen = observe_reduced(image, panoramas.view.at(halvings), pixels, generator)
+        kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * noise.std**2)
+        settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
+        *_, here = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
+        differences = robust_square(here.residual.abs(), robust).mean((1, 2)).sqrt()
+        deviations = _largest_deviations(here) if last_one else deviations
+        ranking = _Ranking(here.guess.pose, here.cost, differences)
+        ranking = ranking[select_distinct(here.guess.pose, here.cost, config.alike)]
+    return ranking, deviations
 
 
 def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:

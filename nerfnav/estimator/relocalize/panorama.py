@@ -28,7 +28,6 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import threads
-from nerfnav.core.steps import run_steps
 from nerfnav.estimator.photometric.pyramid import View, resize_picture
 from nerfnav.estimator.photometric.residuals import THREADS
 from nerfnav.field import FastRenderer, Field, build_levels, render_rays
@@ -71,13 +70,8 @@ class Panoramas:
     """Of the sum of their squares."""
 
     @classmethod
-    def of(cls, field: Field, places: Float[Tensor, "n 3"]) -> "Panoramas":
-        """Render panoramas from every place [m]."""
-        return run_steps(cls.render(field, places))
-
-    @classmethod
     def render(cls, field: Field, places: Float[Tensor, "n 3"]) -> Generator[float, None, "Panoramas"]:
-        """Render step by step; yields the share of the places that is done."""
+        """Render panoramas from every place [m], step by step; yields the share of the places that is done."""
         directions = _directions().reshape(-1, 3)
         render = field.render_rays if isinstance(field, FastRenderer) else partial(render_rays, field)
         parts, batches = [], places.split(_PLACES_AT_ONCE)
@@ -218,31 +212,18 @@ class PanoramaIndex:
     """Attitudes tried at each place, of a camera's carrier that heads along x."""
 
     @classmethod
-    def of(
-        cls,
-        field: Field,
-        camera: Camera,
-        places: Float[Tensor, "n 3"],
-        config: PanoramaConfig | None = None,
-        tilts: Float[Tensor, "t 3 3"] | None = None,
-    ) -> "PanoramaIndex":
-        """Render from all `places` [m] at least `spacing` apart; with `tilts` from all places, held like that.
-
-        Raises InvalidInputError where there is no place to look from.
-        """
-        return run_steps(cls.render(field, camera, places, config, tilts))
-
-    @classmethod
     def render(
         cls,
         field: Field,
         camera: Camera,
         places: Float[Tensor, "n 3"],
-        config: PanoramaConfig | None = None,
+        config: PanoramaConfig,
         tilts: Float[Tensor, "t 3 3"] | None = None,
     ) -> Generator[float, None, "PanoramaIndex"]:
-        """`of`, step by step; yields the share that is done."""
-        config = PanoramaConfig() if config is None else config
+        """Render from all `places` [m] at least `spacing` apart; with `tilts` from all places, held like that.
+
+        Yields the share that is done. Raises InvalidInputError where there is no place to look from.
+        """
         if len(places) == 0:
             raise InvalidInputError("there is no free place in the field that a robot could be at")
         halvings = max(0, math.floor(math.log2(max(camera.width, camera.height) / _LARGEST)))

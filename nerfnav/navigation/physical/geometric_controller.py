@@ -85,6 +85,5 @@ def tilt_attitude(rotation: np.ndarray, pull: np.ndarray) -> np.ndarray:
     cosine = float(axis @ pull) / max(length, _UPRIGHT)
     if length < _UPRIGHT or cosine < -1 + _UPRIGHT:
         return rotation
-    turn = cross(axis, pull / length)
-    skew = hat(turn)
+    skew = hat(cross(axis, pull / length))
     return (np.eye(3) + skew + skew @ skew / (1 + cosine)) @ rotation

@@ -1,6 +1,6 @@
 """Inertial measurements, and propagation of states by them, in the notation of inertial/strapdown.py."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -25,7 +25,6 @@ class InertialUnit:
     """Noise densities and biases."""
     generator: torch.Generator
     """Draws their errors."""
-    _bias: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         """Draw the biases."""
@@ -46,8 +45,7 @@ class InertialUnit:
 
     def measure(self, body_rate: np.ndarray, specific_force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Measure an angular velocity [rad/s] and a specific force [m/s^2]."""
-        white = self._white * torch.randn(6, generator=self.generator, dtype=torch.float64).numpy()
-        off = self._bias + white
+        off = self._bias + self._white * torch.randn(6, generator=self.generator, dtype=torch.float64).numpy()
         return body_rate + off[:3], specific_force + off[3:]
 
 
@@ -102,15 +100,15 @@ class InertialInterval:
 
         J being the right Jacobian of the turn; and white noise n, m: turn' = n, speed' = C turn + M m, way' = speed.
         """
-        time, turned = self.duration, so3.log(self.increments.turn)
+        last, time = self.increments, self.duration
+        turned = so3.log(last.turn)
         middle = so3.exp(0.5 * turned)
-        tipped = -middle @ so3.hat(middle.T @ self.increments.speed / time)
+        tipped = -middle @ so3.hat(middle.T @ last.speed / time)
         slopes = torch.zeros(9, 6).double()
         slopes[TURN, GYRO] = -time * so3.right_jacobian(turned)
         slopes[SPEED, GYRO], slopes[PLACE, GYRO] = -(time**2) / 2 * tipped, -(time**3) / 6 * tipped
         slopes[SPEED, ACCEL], slopes[PLACE, ACCEL] = -time * middle, -(time**2) / 2 * middle
         turn, speed, way = (slopes @ biases).unflatten(0, (3, 3))
-        last = self.increments
         measured = Increments(
             last.turn @ so3.exp(turn), last.speed + speed, last.way + way, last.rate - biases[GYRO]
         )  # fmt: skip

@@ -45,7 +45,9 @@ class LatencyCompensation:
         then, noise = self._propagate(self._with_biases(belief), before)
         held = MeasuredNoise(noise.to(belief.covariance))
         result = yield from self.estimator.correct(then.belief, image, generator, held)
-        self._last, _ = self._propagate(self._apply_correction(then, result.posterior), after)
+        # biases stay where the prediction was the start alone
+        corrected = then.corrected if self.estimator.trust_dynamics else then.restart_with
+        self._last, _ = self._propagate(corrected(result.posterior), after)
         return replace(result, posterior=self._last.belief)
 
     @property
@@ -64,10 +66,6 @@ class LatencyCompensation:
         if self._last is None:
             return InertialBelief.begin(belief, self.unit)
         return self._last if self._last.belief is belief else self._last.restart_with(belief)  # widened, or relocalized
-
-    def _apply_correction(self, then: InertialBelief, posterior: Belief) -> InertialBelief:
-        """Apply the correction of a picture; biases stay where the prediction was the start alone."""
-        return then.corrected(posterior) if self.estimator.trust_dynamics else then.restart_with(posterior)
 
     def _propagate(self, last: InertialBelief, felt: InertialInterval) -> tuple[InertialBelief, Tensor]:
         """Propagate a belief by inertial measurements; return it, and the noise of the propagation."""

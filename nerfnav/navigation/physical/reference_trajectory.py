@@ -54,8 +54,8 @@ class TrackedWaypoints:
     def track(self, plan: Motion, ticks: int, gravity: float) -> tuple[list[ReferenceState], "TrackedWaypoints"]:
         """Compute the reference at `ticks` times of a plan's first step, and the waypoints after it."""
         ahead, past = _waypoints(plan.states), self.waypoints
-        if self.led is None or not _same(self.led, plan.states[0]):
-            past = _straight_back(ahead)
+        if self.led is None or not (self.led.position - plan.states[0].position).norm() < _SAME_M:
+            past = ahead[0] - np.arange(_PAST, 0, -1)[:, None] * (ahead[1] - ahead[0])  # straight back from the start
         ahead[:, 3] += 2 * np.pi * np.round((past[-1, 3] - ahead[0, 3]) / (2 * np.pi))
         reference = _flat(np.concatenate([past, ahead]), len(past), ticks, plan.dt, gravity)
         return reference, TrackedWaypoints(np.concatenate([past, ahead[:1]])[-_PAST:], plan.states[1])
@@ -68,16 +68,6 @@ def _waypoints(states: RigidState) -> np.ndarray:
     known = np.concatenate([position, yaw[:, None]], -1)
     missing = np.arange(1, _AHEAD + 2 - len(known))[:, None]
     return np.concatenate([known, known[-1] + missing * (known[-1] - known[-2])])
-
-
-def _straight_back(ahead: np.ndarray) -> np.ndarray:
-    """Continue a path backward from its start."""
-    back = np.arange(_PAST, 0, -1)[:, None]
-    return ahead[0] - back * (ahead[1] - ahead[0])
-
-
-def _same(led: RigidState, start: RigidState) -> bool:
-    return bool((led.position - start.position).norm() < _SAME_M)
 
 
 def _flat(waypoints: np.ndarray, now: int, ticks: int, dt: float, gravity: float) -> list[ReferenceState]:

@@ -81,8 +81,7 @@ class Powertrain:
         """
         world, coefficient = self.world, self.frame.thrust_coefficient
         least, most = world.slowest_radps**2, world.fastest_radps**2
-        lifting = np.array([self.frame.mass * target[0], target[1], target[2], 0.0])
-        squares = self._inverse @ lifting / coefficient
+        squares = self._inverse @ np.array([self.frame.mass * target[0], target[1], target[2], 0.0]) / coefficient
         squares = squares + max(0.0, least - squares.min())
         squares = (squares - max(0.0, squares.max() - most)).clip(least, most)
         yawing = self._inverse[:, 3] * target[3] / coefficient
@@ -138,8 +137,7 @@ def cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 def rotation_of(vector: np.ndarray) -> np.ndarray:
     """Exp of a rotation vector [rad] (Rodrigues)."""
-    angle = float(np.sqrt(vector @ vector))
-    turn = hat(vector)
+    angle, turn = float(np.sqrt(vector @ vector)), hat(vector)
     if angle < 1e-8:
         return np.eye(3) + turn
     return np.eye(3) + np.sin(angle) / angle * turn + (1 - np.cos(angle)) / angle**2 * turn @ turn

@@ -5,7 +5,7 @@ upward through sigma sqrt(tau) (1 + sqrt(3) tau s) / (1 + tau s)^2. All begin in
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -24,18 +24,14 @@ class Wind:
     """How strong."""
     generator: torch.Generator
     """Decides direction and gusts."""
-    _axes: np.ndarray = field(init=False)
-    _once: np.ndarray = field(init=False)
-    _twice: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         """Draw the direction and the first gust."""
         heading = math.tau * float(torch.rand(1, generator=self.generator))
         cos, sin = math.cos(heading), math.sin(heading)
         self._axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        first, second = self._drawn(2)
-        self._once = first
-        self._twice = 0.5 * (first + second)  # covariance of the two filters: half the first one's variance
+        self._once, second = self._drawn(2)
+        self._twice = 0.5 * (self._once + second)  # covariance of the two filters: half the first one's variance
 
     def blow(self, dt: float) -> np.ndarray:
         """Velocity of the air in the world `dt` [s] later [m/s]."""
@@ -44,11 +40,6 @@ class Wind:
         before = self._once
         self._once = kept * before + math.sqrt(1 - kept**2) * self._drawn(1)[0]
         self._twice = self._twice + (1 - kept) * (before - self._twice)
-        return self.velocity
-
-    @property
-    def velocity(self) -> np.ndarray:
-        """Velocity of the air in the world [m/s]."""
         along = self._once[0]
         across = math.sqrt(1.5) * self._once[1:] + math.sqrt(0.5) * (1 - math.sqrt(3)) * self._twice[1:]
         gust = np.array([along, *across]) * self.config.gust_std_mps

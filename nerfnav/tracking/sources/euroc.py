@@ -23,7 +23,7 @@ import yaml
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose, parse_camera
 from nerfnav.tracking.frame import Frame, ImuMeasurements, ImuNoise, mount_of
-from nerfnav.tracking.sources.pictures import TimedFile, decode_picture, require_later
+from nerfnav.tracking.sources.pictures import FileSource, TimedFile, decode_picture, require_later
 
 _MODELS = {"radial-tangential": "plumb_bob", "equidistant": "equidistant"}
 """Lens models to the words of ROS."""
@@ -80,8 +80,9 @@ def _on_body(file: Path) -> np.ndarray | None:
 def noise_of(file: Path) -> ImuNoise:
     """Read the noise in a unit's file. Raises InvalidInputError where that cannot be."""
     given = _read_sensor(file) if file.is_file() else {}
-    known = {ours: theirs for ours, theirs in _NOISE.items() if theirs in given}
-    return ImuNoise(**{ours: _density(file, theirs, given[theirs]) for ours, theirs in known.items()})
+    return ImuNoise(**{
+        ours: _density(file, theirs, given[theirs]) for ours, theirs in _NOISE.items() if theirs in given
+    })  # fmt: skip
 
 
 def _density(file: Path, name: str, value: object) -> float:
@@ -114,23 +115,12 @@ def _read_sensor(file: Path) -> dict[str, Any]:
 _TABLE = "data.csv"
 
 
-@dataclass(frozen=True)
-class EurocSource:
-    """The pictures of one camera of a folder (a FrameSource)."""
+@dataclass(frozen=True, kw_only=True)
+class EurocSource(FileSource):
+    """The pictures of one camera of a folder: files in its folder `data`, by their names there."""
 
     folder: Path
     """Of the camera: mav0/cam0."""
-    listed: tuple[TimedFile, ...]
-    """Time [s] and name of each picture, in the folder `data`."""
-    camera: Camera | None
-    """What took them, where sensor.yaml says so."""
-    inertial: ImuMeasurements | None
-    """What mav0/imu0 says, where it is there."""
-
-    @property
-    def count(self) -> int:
-        """Number of listed pictures."""
-        return len(self.listed)
 
     def frames(self) -> Iterator[Frame]:
         """Each picture. Raises InvalidInputError where one cannot be read, or where time runs backwards."""
@@ -139,7 +129,7 @@ class EurocSource:
             name = str(file)
             last, file = require_later(time, last, f"{name} of {self.folder}"), self.folder / "data" / name
             try:
-                picture = decode_picture(file.read_bytes(), aspect=None if self.camera is None else self.camera.aspect)
+                picture = decode_picture(file.read_bytes(), aspect=self.aspect)
             except FileNotFoundError as error:
                 raise InvalidInputError(f"{self.folder / _TABLE} lists {name}, which is not there") from error
             except InvalidInputError as error:
@@ -162,7 +152,9 @@ def open_euroc(path: Path, camera: str | None = None) -> EurocSource:
     rows = tuple(TimedFile(1e-9 * _number(folder, row[0]), Path(row[1].strip())) for row in _table(folder, 2))
     if not rows:
         raise InvalidInputError(f"{folder / _TABLE} lists no pictures")
-    return EurocSource(folder, rows, camera_of(folder / "sensor.yaml"), _inertial(root / "imu0", folder))
+    lens, inertial = camera_of(folder / "sensor.yaml"), _inertial(root / "imu0", folder)
+    aspect = None if lens is None else lens.aspect
+    return EurocSource(listed=rows, aspect=aspect, camera=lens, inertial=inertial, folder=folder)
 
 
 def _root(path: Path) -> Path:

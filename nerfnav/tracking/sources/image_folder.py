@@ -4,53 +4,25 @@ A name with a point is a time in s (TUM: 1305031102.175304.png), one of 16 digit
 1403636579763555584.png). Shorter whole numbers count pictures and tell no time.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera
-from nerfnav.tracking.frame import Frame, ImuMeasurements
-from nerfnav.tracking.sources.pictures import SUFFIXES, TimedFile, pictures_of
+from nerfnav.tracking.sources.pictures import SUFFIXES, FileSource, TimedFile
 
 _NANOSECONDS = 16
 """Digits from which a whole number is a time in ns."""
 
 
-@dataclass(frozen=True)
-class FolderSource:
-    """Pictures and their times (a FrameSource)."""
+def open_folder(folder: Path, fps: float | None = None, aspect: float | None = None) -> FileSource:
+    """All pictures of a folder; with `fps` [1/s] in the order of their names, whatever those say.
 
-    listed: tuple[TimedFile, ...]
-    """Time [s] and file of each, in order."""
-    camera: Camera | None = None
-    """Unknown."""
-    inertial: ImuMeasurements | None = None
-    """There is none."""
-    aspect: float | None = None
-    """Width over height of the camera, where that is known after all."""
-
-    @classmethod
-    def of(cls, folder: Path, fps: float | None = None, aspect: float | None = None) -> "FolderSource":
-        """All pictures of a folder; with `fps` [1/s] in the order of their names, whatever those say.
-
-        Raises InvalidInputError where a name tells no time.
-        """
-        files = _pictures_in(folder)
-        if fps is not None:
-            counted = enumerate(sorted(files, key=_counted))
-            return cls(tuple(TimedFile(index / fps, path) for index, path in counted), aspect=aspect)
-        times = [TimedFile(_time_of(path), path) for path in files]
-        return cls(tuple(sorted(times)), aspect=aspect)
-
-    @property
-    def count(self) -> int:
-        """Number of pictures of the folder."""
-        return len(self.listed)
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield each frame; see FrameSource."""
-        return pictures_of(self.listed, self.aspect)
+    `aspect` is that of the camera, where it is known after all. Raises InvalidInputError where a name tells no time.
+    """
+    files = _pictures_in(folder)
+    if fps is None:
+        return FileSource(tuple(sorted(TimedFile(_time_of(path), path) for path in files)), aspect)
+    in_order = sorted(files, key=lambda path: (len(path.stem), path.stem))  # "frame9" before "frame10"
+    return FileSource(tuple(TimedFile(index / fps, path) for index, path in enumerate(in_order)), aspect)
 
 
 def is_folder_of_pictures(path: Path) -> bool:
@@ -60,11 +32,6 @@ def is_folder_of_pictures(path: Path) -> bool:
 
 def _pictures_in(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
-
-
-def _counted(path: Path) -> tuple[int, str]:
-    """Order of names: "frame9" before "frame10"."""
-    return len(path.stem), path.stem
 
 
 def _time_of(path: Path) -> float:

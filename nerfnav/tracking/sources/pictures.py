@@ -1,6 +1,7 @@
 """Pictures in files: decode them as their sensor gave them, and check that their times increase."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,8 +10,9 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.geometry import Camera
 from nerfnav.importers import read_picture
-from nerfnav.tracking.frame import Frame
+from nerfnav.tracking.frame import Frame, ImuMeasurements
 
 
 def require_later(time: float, last: float | None, what: str) -> float:
@@ -51,17 +53,32 @@ class TimedFile(NamedTuple):
     """JPEG, PNG or another picture."""
 
 
-def pictures_of(listed: Sequence[TimedFile], aspect: float | None) -> Iterator[Frame]:
-    """Read pictures one at a time: time [s] and file of each, in order; `aspect` as `decode_picture` has it.
+@dataclass(frozen=True)
+class FileSource:
+    """Files of pictures and their times (a FrameSource)."""
 
-    Raises InvalidInputError where a time does not go on, or a file is missing or no picture.
-    """
-    last: float | None = None
-    for seconds, path in listed:
-        last = require_later(seconds, last, path.name)
-        try:
-            yield Frame(seconds, decode_picture(path.read_bytes(), aspect=aspect), path.name)
-        except OSError as error:
-            raise InvalidInputError(f"the picture {path} cannot be read: {error.strerror}") from error
-        except InvalidInputError as error:
-            raise InvalidInputError(f"{path} cannot be used: {error}") from error
+    listed: tuple[TimedFile, ...]
+    """Time [s] and file of each, in order."""
+    aspect: float | None = None
+    """Width over height of the camera, where that is known; as `decode_picture` has it."""
+    camera: Camera | None = None
+    """Camera of the pictures; None where it is unknown."""
+    inertial: ImuMeasurements | None = None
+    """Inertial measurements of the same time, if any."""
+
+    @property
+    def count(self) -> int:
+        """Number of listed pictures."""
+        return len(self.listed)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield each frame. Raises InvalidInputError where a time does not go on, or a file is missing or unusable."""
+        last: float | None = None
+        for seconds, path in self.listed:
+            last = require_later(seconds, last, path.name)
+            try:
+                yield Frame(seconds, decode_picture(path.read_bytes(), aspect=self.aspect), path.name)
+            except OSError as error:
+                raise InvalidInputError(f"the picture {path} cannot be read: {error.strerror}") from error
+            except InvalidInputError as error:
+                raise InvalidInputError(f"{path} cannot be used: {error}") from error

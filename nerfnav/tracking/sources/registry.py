@@ -7,10 +7,9 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.tracking.frame import FrameSource
 from nerfnav.tracking.sources.euroc import is_euroc, open_euroc
-from nerfnav.tracking.sources.image_folder import FolderSource, is_folder_of_pictures
+from nerfnav.tracking.sources.image_folder import is_folder_of_pictures, open_folder
 from nerfnav.tracking.sources.ros_bag import is_bag, open_bag
-from nerfnav.tracking.sources.timed_capture import PosedSource, is_capture_with_times
-from nerfnav.tracking.sources.tum_list import ListSource, is_list
+from nerfnav.tracking.sources.timed_lists import is_capture_with_times, is_list, open_list, open_timed_capture
 from nerfnav.tracking.sources.video import VideoSource, is_video
 
 
@@ -47,11 +46,11 @@ KINDS: list[SourceKind] = [
     SourceKind("an MCAP file or a rosbag2", is_bag, lambda path, options: open_bag(path, options.topic)),
     SourceKind("an EuRoC (ASL) folder", is_euroc, lambda path, options: open_euroc(path, options.topic)),
     SourceKind("a video", is_video, lambda path, options: VideoSource.of(path, options.fps)),
-    SourceKind("a folder with rgb.txt (TUM)", is_list, lambda path, options: ListSource.of(path, options.aspect)),
+    SourceKind("a folder with rgb.txt (TUM)", is_list, lambda path, options: open_list(path, options.aspect)),
     SourceKind("a capture with time_s in its transforms.json", is_capture_with_times,
-               lambda path, _: PosedSource.of(path)),
+               lambda path, _: open_timed_capture(path)),
     SourceKind("a folder of pictures named by their times [s with a point, or ns]", is_folder_of_pictures,
-               lambda path, options: FolderSource.of(path, options.fps, options.aspect)),
+               lambda path, options: open_folder(path, options.fps, options.aspect)),
 ]  # fmt: skip
 """What is known, the special before the general."""
 

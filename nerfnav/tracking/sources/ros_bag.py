@@ -257,19 +257,19 @@ def open_bag(path: Path, topic: str | None = None) -> BagSource:
     Raises InvalidInputError where there are none, or of several topics, and MissingExtraError without rosbags.
     """
     with opened(path) as reader:
-        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
-        counts = {connection.topic: connection.msgcount for connection in reader.connections}
-    topic = chosen(path, [name for name, kind in kinds.items() if kind in (IMAGE, COMPRESSED)], topic)
+        topics = {connection.topic: connection for connection in reader.connections}
+    topic = chosen(path, [name for name, about in topics.items() if about.msgtype in (IMAGE, COMPRESSED)], topic)
     first = next(messages(path, topic), None)
     if first is None:
         raise InvalidInputError(f"{path} has no pictures in {topic}")
-    given = nearest([name for name, kind in kinds.items() if kind == CAMERA_INFO and is_above(name, topic)], topic)
+    infos = [name for name, about in topics.items() if about.msgtype == CAMERA_INFO and is_above(name, topic)]
+    given = nearest(infos, topic)
     camera = None if given is None else _camera(path, given, topic)
     picture = _picture(path, "frame 0", first[1], camera)
     if camera is not None:
         camera = camera.for_picture(picture.shape[1], picture.shape[0])
-    imu = nearest([name for name, kind in kinds.items() if kind == IMU and counts[name]], topic)
-    return BagSource(path, topic, camera, counts[topic], imu)
+    imu = nearest([name for name, about in topics.items() if about.msgtype == IMU and about.msgcount], topic)
+    return BagSource(path, topic, camera, topics[topic].msgcount, imu)
 
 
 def _camera(path: Path, given: str, topic: str) -> Camera | None:

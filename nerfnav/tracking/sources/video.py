@@ -52,9 +52,8 @@ class VideoSource:
                 if not read:
                     break
                 seconds = 1e-3 * reader.get(cv2.CAP_PROP_POS_MSEC) if self.fps is None else index / self.fps
-                name = f"frame {index}"
-                last = require_later(seconds, last, f"{name} of {self.path.name}")
-                yield Frame(seconds, torch.from_numpy(pixels[..., ::-1].copy()), name)
+                last = require_later(seconds, last, f"frame {index} of {self.path.name}")
+                yield Frame(seconds, torch.from_numpy(pixels[..., ::-1].copy()), f"frame {index}")
                 index += 1
         finally:
             reader.release()

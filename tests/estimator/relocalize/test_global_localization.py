@@ -49,7 +49,7 @@ def test_a_tilted_camera_with_another_exposure_is_found() -> None:
 
 def test_pictures_with_more_pixels_than_are_needed_are_made_smaller() -> None:
     camera = Camera.from_fov(600, 500, 90)
-    looks = PanoramaIndex.of(voxel_balls(), camera, TRUTH.position[None], CONFIG.looks)
+    looks = run_steps(PanoramaIndex.render(voxel_balls(), camera, TRUTH.position[None], CONFIG.looks))
     image = torch.arange(250).repeat_interleave(2).to(torch.uint8)[:, None, None].expand(500, 600, 3)
     small = looks.fitted(image)
     assert looks.view.camera == camera.scaled(0.5) and small.shape == (250, 300, 3)
@@ -81,4 +81,4 @@ def test_poses_that_are_alike_count_once() -> None:
 
 def test_a_field_without_free_places_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="no free place"):
-        PanoramaIndex.of(voxel_balls(), Camera.from_fov(8, 8, 90), torch.zeros(0, 3), CONFIG.looks)
+        run_steps(PanoramaIndex.render(voxel_balls(), Camera.from_fov(8, 8, 90), torch.zeros(0, 3), CONFIG.looks))

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.relocalize.panorama import (
     COLUMN,
     Panoramas,
@@ -33,7 +34,7 @@ def best_of(misfit: torch.Tensor) -> tuple[int, ...]:
 
 
 def test_a_picture_fits_best_where_it_was_taken_whatever_its_exposure() -> None:
-    panoramas = Panoramas.of(balls(), PLACES)
+    panoramas = run_steps(Panoramas.render(balls(), PLACES))
     for where in ((0, 2, 0), (1, 3, 63), (2, 1, 30)):
         colors = colors_from(*where)
         for exposed in (colors, 0.7 * colors + 0.1):
@@ -44,7 +45,7 @@ def test_a_picture_fits_best_where_it_was_taken_whatever_its_exposure() -> None:
 
 
 def test_a_misfit_is_the_least_over_gain_and_bias_each_at_its_price() -> None:
-    panoramas, colors = Panoramas.of(balls(), PLACES), 0.8 * colors_from(1, 3, 7) + 0.1
+    panoramas, colors = run_steps(Panoramas.render(balls(), PLACES)), 0.8 * colors_from(1, 3, 7) + 0.1
     weight, told = _laid(colors, AHEAD @ TILTS[3].T)
     price = (0.02, 0.3)
     misfit = panoramas.misfit(colors, AHEAD, TILTS[3:4], price)
@@ -63,7 +64,7 @@ def test_a_misfit_is_the_least_over_gain_and_bias_each_at_its_price() -> None:
 
 def test_a_picture_of_hardly_any_contrast_fits_where_the_field_shows_as_little() -> None:
     away = torch.tensor([[-0.9, -0.9, 0.9]])
-    panoramas = Panoramas.of(balls(), torch.cat([PLACES, away]))
+    panoramas = run_steps(Panoramas.render(balls(), torch.cat([PLACES, away])))
     sky = balls().background.expand(len(AHEAD), 3)
     misfit = panoramas.misfit(sky, AHEAD, TILTS, EXPOSURE)
     shown = panoramas.misfit(colors_from(0, 2, 0), AHEAD, TILTS, EXPOSURE)
@@ -72,7 +73,7 @@ def test_a_picture_of_hardly_any_contrast_fits_where_the_field_shows_as_little()
 
 
 def test_turning_a_picture_by_a_column_turns_its_misfit() -> None:
-    panoramas, colors = Panoramas.of(balls(), PLACES), colors_from(0, 2, 0)
+    panoramas, colors = run_steps(Panoramas.render(balls(), PLACES)), colors_from(0, 2, 0)
     turned = AHEAD @ from_yaw(torch.tensor(5 * COLUMN)).T
     here = panoramas.misfit(colors, AHEAD, TILTS[2:3], EXPOSURE)
     there = panoramas.misfit(colors, turned, TILTS[2:3], EXPOSURE)
