@@ -32,9 +32,14 @@ def load_or_make(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
 
 
 def store(kind: str, key: bytes, made: bytes) -> bytes:
-    """Store what was made for this `key`, and return it."""
+    """Store what was made for this `key`, remove the oldest files of its kind, and return it."""
     with contextlib.suppress(OSError):
-        _write(_path(kind, key), hashlib.sha256(made).digest() + made)
+        path = _path(kind, key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replace_file(path) as stream:
+            stream.write(hashlib.sha256(made).digest() + made)
+        for old in sorted(path.parent.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-_MOST_OF_A_KIND]:
+            old.unlink()
     return made
 
 
@@ -58,12 +63,3 @@ def hash_code(*paths: Path) -> bytes:
 
 def _path(kind: str, key: bytes) -> Path:
     return cache_root() / kind / hashlib.sha256(key).hexdigest()[:32]
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file, and remove the oldest of its kind."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replace_file(path) as stream:
-        stream.write(content)
-    for old in sorted(path.parent.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-_MOST_OF_A_KIND]:
-        old.unlink()

@@ -6,7 +6,7 @@ numba itself is imported when a kernel is first called: it takes a fifth of a se
 import inspect
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from functools import cache, cached_property
 from pathlib import Path
@@ -23,7 +23,8 @@ prange = range
 _ANY = 1 << 30
 _allowed: ContextVar[int] = ContextVar("threads that kernels may use", default=1)
 _bound: ContextVar[int] = ContextVar("threads that blocks inside may ask for", default=_ANY)
-_compiling: ContextVar["_Compiling | None"] = ContextVar("listener of compilations", default=None)
+_compiling: ContextVar[Callable[[int], None]] = ContextVar("listener of compilations", default=lambda change: None)
+"""Called with 1 when a compilation begins, and with -1 when it ends."""
 
 
 class Kernel:
@@ -92,28 +93,19 @@ def report_compilation(report: Callable[[bool], None]) -> Iterator[None]:
 
     It may take a minute. Machine code that is read from the cache is no compilation.
     """
-    before = _compiling.set(_Compiling(report))
+    going_on = 0  # a kernel is compiled while one that calls it is
+
+    def count(change: int) -> None:
+        nonlocal going_on
+        going_on += change
+        if going_on == max(change, 0):
+            report(going_on > 0)
+
+    before = _compiling.set(count)
     try:
         yield
     finally:
         _compiling.reset(before)
-
-
-class _Compiling:
-    """Compilations that are going on; a kernel is compiled while one that calls it is."""
-
-    def __init__(self, report: Callable[[bool], None]) -> None:
-        self._report, self._depth = report, 0
-
-    def begin(self) -> None:
-        self._depth += 1
-        if self._depth == 1:
-            self._report(True)
-
-    def end(self) -> None:
-        self._depth -= 1
-        if self._depth == 0:
-            self._report(False)
 
 
 @cache
@@ -123,12 +115,10 @@ def _listen() -> None:
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
-            if (compiling := _compiling.get()) is not None:
-                compiling.begin()
+            _compiling.get()(1)
 
         def on_end(self, event: Any) -> None:
-            if (compiling := _compiling.get()) is not None:
-                compiling.end()
+            _compiling.get()(-1)
 
     event.register("numba:compile", Listener())
 
@@ -152,13 +142,9 @@ def threads(count: int) -> Iterator[int]:
     wanted, before = max(1, min(count, _bound.get())), (_allowed.get(), _bound.get())
     _bound.set(wanted)
     try:
-        if wanted == 1:
-            _allowed.set(1)
-            yield 1
-        else:
-            with _pool(wanted) as used:
-                _allowed.set(used)
-                yield used
+        with _pool(wanted) if wanted > 1 else nullcontext(1) as used:
+            _allowed.set(used)
+            yield used
     finally:
         _allowed.set(before[0])
         _bound.set(before[1])

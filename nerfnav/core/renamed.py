@@ -134,11 +134,11 @@ def attach_face(package: str, file: str) -> tuple[Callable[[str], object], Calla
 
 def replace_old_options(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Replace old options in the words of a command line; return the new words, and old to new option for a warning."""
-    replaced: dict[str, str] = {}
-    for word in words:
-        option = word.partition("=")[0]
-        for old, new in OPTIONS.items():
-            if option == old or (old.endswith(".") and option.startswith(old)):
-                replaced[option] = new + option.removeprefix(old)
-    options = (word.partition("=") for word in words)
+    options = [word.partition("=") for word in words]
+    replaced = {
+        option: new + option.removeprefix(old)
+        for option, _, _ in options
+        for old, new in OPTIONS.items()
+        if option == old or (old.endswith(".") and option.startswith(old))
+    }
     return [replaced.get(option, option) + equals + value for option, equals, value in options], replaced

@@ -20,14 +20,7 @@ class TensorStruct:
 
     def map(self: S, function: Callable[[Tensor], Tensor]) -> S:
         """The same record with `function` applied to every tensor in it."""
-        changed: dict[str, Any] = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, Tensor):
-                changed[field.name] = function(value)
-            elif isinstance(value, TensorStruct):
-                changed[field.name] = value.map(function)
-        return replace(self, **changed)
+        return _combine([self], lambda tensors: function(*tensors))
 
     def __getitem__(self: S, index: Any) -> S:
         """Index the leading dimensions of every tensor, as `tensor[index]` does."""

@@ -92,6 +92,15 @@ def box_interval(
     return enter, torch.maximum(first, second).amin(-1)
 
 
+def bins_in_box(
+    box: Box, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], step: float
+) -> tuple[Float[Tensor, "n"], Bool[Tensor, "n b"]]:
+    """Distances [m] at which rays enter the box, and which bins of `step` metres from there have their middle in it."""
+    enter, leave = box_interval(box, origins, directions)
+    counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)
+    return enter, torch.arange(max(1, int(counts.max())), device=origins.device) < counts[:, None]
+
+
 def chosen_samples(chosen: Bool[Tensor, "n b"], enter: Float[Tensor, "n"], step: float) -> RaySamples:
     """The middles of the chosen ones among bins of `step` metres along rays, the first of which begin at `enter` [m].
 
@@ -105,14 +114,11 @@ def chosen_samples(chosen: Bool[Tensor, "n b"], enter: Float[Tensor, "n"], step:
     return RaySamples(torch.where(mask, distances, torch.zeros_like(distances)), mask, step)
 
 
+@torch.no_grad()
 def uniform_samples(
     box: Box, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], step: float
 ) -> RaySamples:
     """A sample in the middle of every `step` metres of each ray inside the box."""
-    with torch.no_grad():
-        enter, leave = box_interval(box, origins, directions)
-        counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)
-        index = torch.arange(max(1, int(counts.max().item())), device=origins.device)
-        mask = index < counts[:, None]
-        distances = enter[:, None] + (index + 0.5) * step
-        return RaySamples(torch.where(mask, distances, torch.zeros_like(distances)), mask, step)
+    enter, mask = bins_in_box(box, origins, directions, step)
+    distances = enter[:, None] + (torch.arange(mask.shape[1], device=origins.device) + 0.5) * step
+    return RaySamples(torch.where(mask, distances, torch.zeros_like(distances)), mask, step)

@@ -6,7 +6,7 @@ the cell become unproven, or, in a field without evidence, dense enough to be so
 lies between its corners, so all of the cell is solid then.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -25,33 +25,23 @@ _ABOVE = 0.1
 """By how much raw densities that must be solid exceed the threshold: after a file has rounded them, too, they do."""
 _BORDER = 1e-4
 """Share of a voxel by which points on the border are moved inwards: rounding must not put them outside."""
+_LATTICE = (4, 1)
+"""Parts into which the lattice divides the edges of a cell; and lattice points beside a solid one that must be solid,
+too: so is what lies between the points."""
 
 Nodes = Bool[Tensor, "nx ny nz"]
-Cells = Bool[Tensor, "cx cy cz"]
 
 
-@dataclass(frozen=True)
-class SolidityConfig:
-    """Resolution at which two fields are compared."""
-
-    parts: int = 4
-    """Into how many parts lattice points divide the edges of a cell."""
-    reach: int = 1
-    """Lattice points beside a solid one that must be solid, too: so is what lies between the points."""
-
-
-def preserve_occupancy(
-    field: VoxelField, before: VoxelField, to_before: Similarity, config: SolidityConfig | None = None
-) -> VoxelField:
+def preserve_occupancy(field: VoxelField, before: VoxelField, to_before: Similarity) -> VoxelField:
     """`field` with nodes taken out of free space, so that for planners all is solid that was solid in `before`.
 
     `to_before` takes points of now [m] to where they were.
     """
-    config = config or SolidityConfig()
     now, then = field.planned, before.planned
     free = now.values[..., 0] <= raw_of(now.solid_density)
-    lost = _lost_cells(now, then, to_before, _with_any(free), config)
-    lost = torch.cat([lost, _cells_of_lost_nodes(now, then, to_before.inverted())])
+    lost = torch.cat([
+        _lost_cells(now, then, to_before, free), _cells_of_lost_nodes(now, then, to_before.inverted())
+    ])  # fmt: skip
     taken = torch.zeros(field.shape, dtype=torch.bool)
     x, y, z = (lost[:, None] + _CORNERS).reshape(-1, 3).unbind(-1)
     taken[x, y, z] = True
@@ -89,22 +79,14 @@ def _solid_at(field: VoxelField, nodes: Nodes) -> VoxelField:
     return replace(field, values=values)
 
 
-def _with_any(nodes: Nodes) -> Cells:
-    """Cells of which some corner is chosen."""
-    return torch.nn.functional.max_pool3d(nodes[None, None].float(), 2, 1)[0, 0] > 0
-
-
-def _lost_cells(
-    now: GridField, then: GridField, to_before: Similarity, candidates: Cells, config: SolidityConfig
-) -> Int[Tensor, "n 3"]:
-    """Return those of the `candidates` that lose something solid."""
+def _lost_cells(now: GridField, then: GridField, to_before: Similarity, free: Nodes) -> Int[Tensor, "n 3"]:
+    """Return the cells with a `free` corner that lose something solid."""
     values, occupied, *_ = then.kernel_grid
     limits = tuple(np.float32(raw_of(one.solid_density)) for one in (then, now))
-    cells = candidates.numpy().astype(np.uint8)
+    cells = torch.nn.functional.max_pool3d(free[None, None].float(), 2, 1)[0, 0].numpy().astype(np.uint8)
     with threads(default_threads()):
         mark_lost(
-            values, occupied, now.kernel_grid[0], cells, *between_grids(now, then, to_before),
-            (config.parts, config.reach), limits,
+            values, occupied, now.kernel_grid[0], cells, *between_grids(now, then, to_before), _LATTICE, limits,
         )  # fmt: skip
     return torch.from_numpy(cells).nonzero()
 

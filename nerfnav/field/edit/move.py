@@ -34,16 +34,15 @@ def move_field(field: StoredField, similarity: Similarity) -> Generator[EditStep
     yield EditStep("moving the field", 0.0)
     if isinstance(field, NeuralField):
         moved = _moved_networks(field, similarity)
-        yield EditStep("moved", 1.0)
-        return moved
-    if not isinstance(field, VoxelField):
+    elif not isinstance(field, VoxelField):
         raise InvalidInputError(f"a {type(field).__name__} cannot be moved: bake it first, with nerfnav bake")
-    if (axes := similarity.axes) is not None:
+    elif (axes := similarity.axes) is not None:
         scaled = _scaled(field, similarity.scale)
-        turned = _turned_by_quarters(scaled, axes, replace(similarity, rotation=axes, scale=1.0))
-        yield EditStep("moved", 1.0)
-        return turned
-    return (yield from resample_field(field, similarity))
+        moved = _turned_by_quarters(scaled, axes, replace(similarity, rotation=axes, scale=1.0))
+    else:
+        return (yield from resample_field(field, similarity))
+    yield EditStep("moved", 1.0)
+    return moved
 
 
 def _moved_networks(field: NeuralField, similarity: Similarity) -> NeuralField:

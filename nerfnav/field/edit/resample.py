@@ -70,8 +70,7 @@ def resample_field(field: VoxelField, similarity: Similarity) -> Generator[EditS
     yield EditStep("keeping what is solid", 0.7)
     turned = preserve_occupancy(turned, field, back)
     yield EditStep("turning the surroundings", 0.85)
-    if field.outside is not None:
-        turned = replace(turned, outside=resample_surroundings(field, box, back))
+    turned = replace(turned, outside=resample_surroundings(field, box, back))
     turned = replace(turned, info=_noted(field, turned, back))
     yield EditStep("turned", 1.0)
     return turned

@@ -8,8 +8,7 @@ Nothing is lost: a block is left out only where every node of it is as brick 0 h
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from dataclasses import field as dataclass_field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ from torch import Tensor
 from nerfnav.field.core.occupancy import EMPTY_RAW, Occupancy
 from nerfnav.field.core.protocol import Points
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
-from nerfnav.field.models.grid_field import GridField, KernelGrid
+from nerfnav.field.models.grid_field import GridField, KernelGrid, grey_nodes
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import Box
 from nerfnav.geometry.grid import cells_of, corner_offsets
@@ -30,7 +29,8 @@ CELLS = 1 << BLOCK_SHIFT
 """Cells along each edge of a block."""
 NODES = CELLS + 1
 """Nodes along each edge of a brick."""
-_GREY = 0.5
+_BRICK = (NODES, NODES, NODES)
+
 
 class Slab(NamedTuple):
     """A part of a grid along x."""
@@ -45,9 +45,9 @@ class Slab(NamedTuple):
 class BrickField(GridField):
     """A radiance field on a regular grid of which only bricks (5, 5, 5) with something in them are kept."""
 
-    nodes: tuple[int, int, int] = dataclass_field(kw_only=True)
+    nodes: tuple[int, int, int] = field(kw_only=True)
     """Numbers of nodes along x, y, z."""
-    slots: Int[Tensor, "bx by bz"] = dataclass_field(kw_only=True)
+    slots: Int[Tensor, "bx by bz"] = field(kw_only=True)
     """The brick of each block, int32."""
 
     @property
@@ -84,12 +84,12 @@ class BrickField(GridField):
 
 def convert_to_bricks(field: VoxelField) -> BrickField:
     """The same field, kept as bricks."""
-
-    def slab(first: int, end: int) -> Slab:
-        states = None if field.evidence is None else field.evidence[first:end]
-        return Slab(field.values[first:end], states)
-
-    made = build_bricks(field.box, field.shape, slab, field.background)
+    made = build_bricks(
+        field.box,
+        field.shape,
+        lambda first, end: Slab(field.values[first:end], None if field.evidence is None else field.evidence[first:end]),
+        field.background,
+    )
     return replace(made, info=field.info, outside=field.outside)
 
 
@@ -115,9 +115,7 @@ class _Pool:
     """Bricks in the making."""
 
     def __init__(self) -> None:
-        empty = torch.full((1, NODES, NODES, NODES, 4), _GREY)
-        empty[..., 0] = EMPTY_RAW
-        self._values, self._states, self._count = [empty], [_free(1)], 1
+        self._values, self._states, self._count = [grey_nodes((1, *_BRICK), EMPTY_RAW)], [_free(1, *_BRICK)], 1
         self._uniform: dict[tuple[float, ...], int] = {}
         self._determined = False
 
@@ -131,7 +129,7 @@ class _Pool:
         y, z = found.nonzero().unbind(-1)
         slots = torch.zeros(found.shape, dtype=torch.int32)
         bricks = values.unfold(1, NODES, CELLS).unfold(2, NODES, CELLS)[:, y, z].permute(1, 0, 3, 4, 2)
-        known = _free(len(y)) if states is None else _blocks(states, y, z)
+        known = _free(len(y), *_BRICK) if states is None else _blocks(states, y, z)
         slots[y, z] = self._added(bricks.contiguous(), known)
         return slots
 
@@ -167,8 +165,8 @@ def _blocks(states: Tensor, y: Tensor, z: Tensor) -> UInt8[Tensor, "k 5 5 5"]:
     return states.unfold(1, NODES, CELLS).unfold(2, NODES, CELLS)[:, y, z].transpose(0, 1)
 
 
-def _free(count: int) -> UInt8[Tensor, "k 5 5 5"]:
-    return torch.full((count, NODES, NODES, NODES), int(Occupancy.FREE), dtype=torch.uint8)
+def _free(*size: int) -> UInt8[Tensor, "*nodes"]:
+    return torch.full(size, int(Occupancy.FREE), dtype=torch.uint8)
 
 
 def _padded(layer: Slab, blocks: tuple[int, int]) -> Slab:
@@ -178,11 +176,10 @@ def _padded(layer: Slab, blocks: tuple[int, int]) -> Slab:
     if tuple(values.shape[:3]) == size:
         return layer
     sx, ny, nz, _ = values.shape
-    padded = torch.full((*size, 4), _GREY)
-    padded[..., 0] = EMPTY_RAW
+    padded = grey_nodes(size, EMPTY_RAW)
     padded[:sx, :ny, :nz] = values
     if states is None:
         return Slab(padded, None)
-    padded_states = torch.full(size, int(Occupancy.FREE), dtype=torch.uint8)
+    padded_states = _free(*size)
     padded_states[:sx, :ny, :nz] = states
     return Slab(padded, padded_states)

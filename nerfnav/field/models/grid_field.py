@@ -178,8 +178,7 @@ class GridField(ABC):
                 *self.kernel_grid, flat_array(origins), flat_array(directions), np.float32(DENSITY_SCALE),
                 np.float32(self.step), self.background.cpu().numpy(), self._outer,
             )  # fmt: skip
-        color, opacity, depth = (torch.from_numpy(part) for part in parts)
-        return Rendering(color, opacity, depth)
+        return Rendering(*(torch.from_numpy(part) for part in parts))
 
     def colors_and_jacobian(
         self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
@@ -204,6 +203,13 @@ class GridField(ABC):
     def _outer_values(self) -> np.ndarray:
         """No nodes where there is nothing."""
         return np.zeros((0, 0, 0, 4), np.float32) if self.outside is None else flat_array(self.outside.values)
+
+
+def grey_nodes(size: tuple[int, ...], raw: float) -> Float[Tensor, "*nodes 4"]:
+    """Values of grey nodes that all have the same raw density."""
+    values = torch.full((*size, 4), 0.5)
+    values[..., 0] = raw
+    return values
 
 
 def flat_array(tensor: Tensor) -> np.ndarray:

@@ -12,16 +12,15 @@ samples that would come to nothing are left out; training draws at random instea
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
+from dataclasses import dataclass, field
 from enum import Enum
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.protocol import LAST_SAMPLE, Points, RaySamples, box_interval, chosen_samples
+from nerfnav.field.core.protocol import Points, RaySamples, bins_in_box, chosen_samples
 from nerfnav.field.models.mlp import MlpConfig, RadianceMlp
 from nerfnav.field.render.volume_rendering import Rendering, composite
 from nerfnav.geometry import Box, Pose
@@ -70,9 +69,9 @@ class NeuralField:
     """Colour of a ray that nothing stops."""
     frame: Pose
     """T_world_networks: where the networks have their origin [m], and how they are turned."""
-    config: NeuralConfig = dataclass_field(default_factory=NeuralConfig)
+    config: NeuralConfig = field(default_factory=NeuralConfig)
     """Units and sampling of the networks."""
-    info: FieldInfo = dataclass_field(default_factory=FieldInfo)
+    info: FieldInfo = field(default_factory=FieldInfo)
     """Origin and quality of the field."""
 
     @property
@@ -101,14 +100,18 @@ class NeuralField:
 
         return _in_parts(colors, points.reshape(-1, 3), directions.reshape(-1, 3)).reshape(points.shape)
 
+    @torch.no_grad()
     def samples(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> RaySamples:
         """The samples of the bins that the coarse network finds light to be stopped in."""
-        with torch.no_grad():
-            matters, enter, counts = self._matters(origins, directions)
-            fine = self.config.fine_per_bin
-            chosen = matters.repeat_interleave(fine, 1)
-            index = torch.arange(chosen.shape[1], device=origins.device)
-            return chosen_samples(chosen & (index < counts[:, None]), enter, self.step)
+        enter, inside = bins_in_box(self.box, origins, directions, self.step)
+        fine, most = self.config.fine_per_bin, inside.shape[1]
+        middles = enter[:, None] + (torch.arange(-(-most // fine), device=origins.device) + 0.5) * self._bin
+        points = origins[:, None] + middles[..., None] * directions[:, None]
+        optical = self._density(self.coarse, points) * self._bin
+        before = torch.exp(optical - torch.cumsum(optical, 1))
+        weights = before * (1 - torch.exp(-optical))
+        matters = torch.nn.functional.max_pool1d(weights[:, None], 3, 1, 1)[:, 0] > self.config.least_weight
+        return chosen_samples(matters.repeat_interleave(fine, 1)[:, :most] & inside, enter, self.step)
 
     @torch.no_grad()
     def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
@@ -133,21 +136,6 @@ class NeuralField:
         features = network.features(self._local(points))
         density = self.config.activation(network.raw_density(features)) / self.config.unit
         return density, network.colors(features, self._turned(directions))
-
-    def _matters(
-        self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Bool[Tensor, "n b"], Float[Tensor, "n"], Float[Tensor, "n"]]:
-        """Return the bins of rays that stop light, where rays enter the box [m], and the sample counts."""
-        enter, leave = box_interval(self.box, origins, directions)
-        counts = torch.floor((leave - enter) / self.step + LAST_SAMPLE).clamp_min(0)
-        bins = max(1, -(-int(counts.max()) // self.config.fine_per_bin))
-        middles = enter[:, None] + (torch.arange(bins, device=origins.device) + 0.5) * self._bin
-        points = origins[:, None] + middles[..., None] * directions[:, None]
-        optical = self._density(self.coarse, points) * self._bin
-        before = torch.exp(optical - torch.cumsum(optical, 1))
-        weights = before * (1 - torch.exp(-optical))
-        matters = torch.nn.functional.max_pool1d(weights[:, None], 3, 1, 1)[:, 0] > self.config.least_weight
-        return matters, enter, counts
 
     def _density(self, network: RadianceMlp, points: Points) -> Float[Tensor, "*batch"]:
         flat = points.reshape(-1, 3)

@@ -76,7 +76,7 @@ class VoxelField(GridField):
     def ray_grid(self) -> RayGrid:
         """The same for descents of poses, without what is faint (see kernels/pose_descent.py)."""
         least = faint_raw(DENSITY_SCALE, self.step)
-        return self._sight(self._leaps_above(least), paired_shells(self._outer_values), least, DIM)
+        return self._sight(leaps_over(self._raw, least), paired_shells(self._outer_values), least, DIM)
 
     def _sight(self, leaps: np.ndarray, outer: Shells, least: np.float32, stopped: np.float32) -> RayGrid:
         values, _, lower, per_meter = self.kernel_grid
@@ -100,15 +100,11 @@ class VoxelField(GridField):
 
     @cached_property
     def _leaps(self) -> np.ndarray:
-        return self._leaps_above(NEGLIGIBLE_RAW)
+        return leaps_over(self._raw, NEGLIGIBLE_RAW)
 
     @cached_property
     def _raw(self) -> np.ndarray:
         return np.ascontiguousarray(self.kernel_grid[0][..., 0])
-
-    def _leaps_above(self, least: np.float32) -> np.ndarray:
-        return leaps_over(self._raw, least)
-
 
 def occupied_blocks(
     raw: Float[Tensor, "nx ny nz"], threshold: float, shift: int = BLOCK_SHIFT

@@ -30,7 +30,7 @@ from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, corner_weights, interpol
 from nerfnav.field.kernels.march import CHUNK, grid_ray, locate, next_sample, sample_count, scratch
 from nerfnav.field.kernels.views import SIDE, cube_count, cube_in_view, in_camera, picture_of, position_of, window_of
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.fusion import SIZES, nearest_within, window
+from nerfnav.field.proof.fusion import MOST, SIZES, kernel_views, nearest_within, window
 from nerfnav.geometry import PosedImages
 
 Nodes = Bool[torch.Tensor, "nx ny nz"]
@@ -94,19 +94,16 @@ def _carved_once(
 
     Colours may differ by `slack` [0 to 255].
     """
-    camera, spacing = photographs.camera, field.spacing.numpy().astype(np.float32)
+    spacing = field.spacing.numpy().astype(np.float32)
     grid = (field.box.lower.numpy().astype(np.float32), spacing, np.float32(config.reach * spacing.max()))
-    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     nothing = _nothing(field, slack)
     clear, kept = np.zeros(field.shape, np.uint8), np.empty((*field.shape, 3, 4), np.uint8)
     kept[..., :2], kept[..., 2:] = 0, 255
     sums = (candidates.numpy().astype(np.uint8), clear, kept)
     with threads(default_threads()):
-        for index in range(len(photographs)):
-            rotation = np.ascontiguousarray(photographs.poses.rotation[index].numpy(), np.float32)
-            position = np.ascontiguousarray(photographs.poses.position[index].numpy(), np.float32)
+        for index, view in enumerate(kernel_views(photographs.poses, photographs.camera)):
             maps = (_reach(field, photographs, index, config), *_extremes(photographs.images[index].numpy()))
-            look_through(grid, (rotation, position, lens), maps, SIZES, nothing, sums)
+            look_through(grid, view, maps, SIZES, nothing, sums)
     contradiction = (kept[..., 1].astype(np.int16) - kept[..., 3]).max(-1)
     return torch.from_numpy((contradiction > 2 * slack) | (clear >= config.least_clear)) & candidates
 
@@ -169,10 +166,6 @@ def _extremes(
         dark, bright = cv2.erode(dark, square, anchor=(0, 0)), cv2.dilate(bright, square, anchor=(0, 0))
         least[level], most[level], done = dark, bright, size
     return least, most
-
-
-MOST = 255
-"""Counting ends here."""
 
 
 @kernel(parallel=True)

@@ -26,7 +26,7 @@ from torch import Tensor
 from nerfnav.core.jit import default_threads, kernel, prange, threads
 from nerfnav.field.core.occupancy import EMPTY_RAW, SOLID_DENSITY, raw_of
 from nerfnav.field.kernels.views import SIDE, cube_count, cube_in_view, in_camera, picture_of, position_of, window_of
-from nerfnav.geometry import Box, PosedImages, spacing_of
+from nerfnav.geometry import Box, Camera, Pose, PosedImages, spacing_of
 
 SIZES = np.array([1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64], np.int64)
 """Sizes of the windows of pixels that a node may stand for."""
@@ -36,17 +36,11 @@ _BEFORE = 0.25
 """Distance in front of surfaces at which density begins [voxels]."""
 _DENSEST = 2.0
 """The largest raw density."""
-
-
-@dataclass(frozen=True)
-class FusionConfig:
-    """When a node counts as free."""
-
-    least_free: int = 1
-    """Pictures that must have looked past it."""
-    most_hits: float = 0.2
-    """Pictures that may have met a surface at it, for each that looked past it, where depths are measured. A
-    renderer's are exact: there one is enough."""
+_LEAST_FREE = 1
+"""Pictures that must have looked past a free node."""
+_MOST_HITS = 0.2
+"""Pictures that may have met a surface at a free node, for each that looked past it, where depths are measured. A
+renderer's are exact: there one is enough."""
 
 
 @dataclass(frozen=True)
@@ -63,24 +57,18 @@ class FusedDepth:
     """Mean colour of the surface near it, in [0, 1]; grey where there is none."""
 
 
-def fuse_depth(
-    photographs: PosedImages, box: Box, shape: tuple[int, int, int], config: FusionConfig | None = None
-) -> FusedDepth:
+def fuse_depth(photographs: PosedImages, box: Box, shape: tuple[int, int, int]) -> FusedDepth:
     """Fuse the depth maps of `photographs` on the nodes of a grid. Raises ValueError without depth."""
-    config = config or FusionConfig()
     camera = photographs.depth_camera
     spacing = spacing_of(box, shape)
     voxel = float(spacing.max())
     grid = (box.lower.numpy().astype(np.float32), spacing.numpy().astype(np.float32), np.float32(voxel))
-    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     free, hits = np.zeros((2, *shape), np.uint8)
     weight, distance = np.zeros((2, *shape), np.float32)
     color = np.zeros((*shape, 3), np.float32)
     assert photographs.depth is not None
     with threads(default_threads()):
-        for index in range(len(photographs)):
-            rotation = np.ascontiguousarray(photographs.poses.rotation[index].numpy(), np.float32)
-            position = np.ascontiguousarray(photographs.poses.position[index].numpy(), np.float32)
+        for index, (rotation, position, lens) in enumerate(kernel_views(photographs.poses, camera)):
             depth = _known_depth(photographs.depth[index])
             points, normals = surface_of(depth, lens, rotation, position)
             image = cv2.resize(photographs.images[index].numpy(), (camera.width, camera.height))
@@ -89,14 +77,23 @@ def fuse_depth(
                 grid, (rotation, position, lens), maps, SIZES, np.float32(photographs.depth_noise),
                 (free, hits, weight, distance, color),
             )  # fmt: skip
-    most_hits = config.most_hits * free if photographs.depth_noise > 0 else 0
-    proven = torch.from_numpy((free >= config.least_free) & (hits <= most_hits))
+    most_hits = _MOST_HITS * free if photographs.depth_noise > 0 else 0
+    proven = torch.from_numpy((free >= _LEAST_FREE) & (hits <= most_hits))
     seen = weight > 0
     mean = np.divide(distance, weight, out=np.full(shape, np.inf, np.float32), where=seen)
     tint = np.divide(color, weight[..., None], out=np.full_like(color, 0.5), where=seen[..., None])
     raw = np.clip(raw_of(SOLID_DENSITY) + _SLOPE * (_BEFORE - mean / voxel), EMPTY_RAW, _DENSEST)
     dense = torch.where(proven, torch.tensor(EMPTY_RAW), torch.from_numpy(raw))
     return FusedDepth(proven, proven | torch.from_numpy(seen), dense, torch.from_numpy(tint))
+
+
+def kernel_views(
+    poses: Pose, camera: Camera
+) -> list[tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"], Float[np.ndarray, "4"]]]:
+    """Rotation, position and lens (fx, fy, cx, cy) of a camera at each of many poses, as kernels take them."""
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+    parts = (np.ascontiguousarray(part.numpy(), np.float32) for part in (poses.rotation, poses.position))
+    return [(rotation, position, lens) for rotation, position in zip(*parts, strict=True)]
 
 
 def nearest_within(depth: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "levels h w"]:

@@ -17,22 +17,19 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.occupancy import UnknownSpace, planning_field
 from nerfnav.field.core.protocol import (
-    LAST_SAMPLE,
     Field,
     Points,
     RaySamples,
-    box_interval,
+    bins_in_box,
     chosen_samples,
     density_and_gradient,
 )
-from nerfnav.field.render.surroundings import Backdrop
+from nerfnav.field.render.surroundings import Backdrop, Rays
 from nerfnav.field.render.volume_rendering import HasBackdrop
 from nerfnav.geometry import Box, Pose
 
 _NO_DENSITY = 1e-6  # [1/m]: where all parts together have less, the first one says the colour
 _ROUNDING = 1e-3  # of a step: samples on a border between two bins belong to one of them
-
-Rays = Float[Tensor, "n 3"]
 
 
 @dataclass(frozen=True)
@@ -83,13 +80,9 @@ class CompositeField:
         parts[index] = replace(parts[index], pose=pose)
         return CompositeField(tuple(parts))
 
-    @property
+    @cached_property
     def box(self) -> Box:
         """The smallest box around all parts."""
-        return self._box
-
-    @cached_property
-    def _box(self) -> Box:
         boxes = [part.box for part in self.parts]
         lower, upper = torch.stack([box.lower for box in boxes]), torch.stack([box.upper for box in boxes])
         return Box(lower.amin(0), upper.amax(0))
@@ -119,20 +112,16 @@ class CompositeField:
         mixed = sum(density[..., None] * color for density, color in zip(densities, colors, strict=True))
         return (mixed + _NO_DENSITY * colors[0]) / (torch.stack(densities).sum(0) + _NO_DENSITY)[..., None]
 
+    @torch.no_grad()
     def samples(self, origins: Rays, directions: Rays) -> RaySamples:
         """The union of the parts' samples, at the finest step among them."""
-        with torch.no_grad():
-            found = [part.field.samples(part.local(origins), part.turned(directions)) for part in self.parts]
-            step = min(samples.step for samples in found)
-            enter, leave = box_interval(self.box.to(origins), origins, directions)
-            counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)
-            bins = max(1, int(counts.max()))
-            covered = torch.zeros(len(origins), bins + 1, device=origins.device)
-            for samples in found:
-                _mark(covered, samples, enter, step)
-            index = torch.arange(bins, device=origins.device)
-            chosen = (covered.cumsum(1)[:, :bins] > 0.5) & (index < counts[:, None])
-            return chosen_samples(chosen, enter, step)
+        found = [part.field.samples(part.local(origins), part.turned(directions)) for part in self.parts]
+        step = min(samples.step for samples in found)
+        enter, inside = bins_in_box(self.box.to(origins), origins, directions, step)
+        covered = torch.zeros(len(origins), inside.shape[1] + 1, device=origins.device)
+        for samples in found:
+            _mark(covered, samples, enter, step)
+        return chosen_samples((covered.cumsum(1)[:, :-1] > 0.5) & inside, enter, step)
 
     def backdrop(self, origins: Rays, directions: Rays) -> Backdrop | None:
         """Render the surroundings of the first part; None where that is the background."""

@@ -3,7 +3,7 @@
 A dense grid of very many nodes is read as bricks.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -20,7 +20,6 @@ from nerfnav.geometry import dilate_nodes
 
 MOST_DENSE_NODES = 60_000_000
 """Nodes that are held whole: a gigabyte of them."""
-_VOXELS_VERSION = 3  # 2: surroundings and unseen nodes, both optional; 3: evidence in place of unseen nodes
 
 
 def encode_voxels(field: VoxelField) -> Encoded:
@@ -40,7 +39,15 @@ def decode_voxels(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> 
     background, info = torch.from_numpy(file["background"]), FieldInfo.of(header["info"])
     box, outside = decode_box(file["box"]), decode_surroundings(file)
     if raw.size > MOST_DENSE_NODES and "unknown" not in file:
-        made = build_bricks(box, raw.shape, _slabs(raw, color, file), background)
+        states = decode_occupancy(file, raw.shape)
+        made = build_bricks(
+            box,
+            raw.shape,
+            lambda first, end: Slab(  # as floats only while they are used
+                dequantise(raw[first:end], color[first:end]), None if states is None else states[first:end]
+            ),
+            background,
+        )
         return replace(made, info=info, outside=outside)
     values = dequantise(raw, color)
     return VoxelField(box, values, background, info, outside, decode_occupancy(file, values.shape[:3], values[..., 0]))
@@ -91,17 +98,6 @@ def _encode(field: GridField, **layout: np.ndarray) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _slabs(
-    raw: np.ndarray, color: np.ndarray, file: Mapping[str, np.ndarray]
-) -> Callable[[int, int], Slab]:
-    """Parts of a grid along x, as floats only while they are used."""
-    states = decode_occupancy(file, raw.shape)
-
-    def slab(first: int, end: int) -> Slab:
-        return Slab(dequantise(raw[first:end], color[first:end]), None if states is None else states[first:end])
-
-    return slab
-
-
-VOXELS = FieldCodec("nerfnav-voxel-field", _VOXELS_VERSION, VoxelField, encode_voxels, decode_voxels)
+# 2: surroundings and unseen nodes, both optional; 3: evidence in place of unseen nodes
+VOXELS = FieldCodec("nerfnav-voxel-field", 3, VoxelField, encode_voxels, decode_voxels)
 BRICKS = FieldCodec("nerfnav-brick-field", 1, BrickField, encode_bricks, decode_bricks)

@@ -56,14 +56,13 @@ def _networks(field: NeuralField) -> tuple[tuple[str, RadianceMlp], ...]:
 
 def _network(file: Mapping[str, np.ndarray], name: str, shape: dict[str, Any]) -> RadianceMlp:
     direction = shape["direction"]
-    config = MlpConfig(**{
+    network = RadianceMlp(MlpConfig(**{
         **shape,
         "skips": tuple(shape["skips"]),
         "view_widths": tuple(shape["view_widths"]),
         "position": Encoding(**shape["position"]),
         "direction": None if direction is None else Encoding(**direction),
-    })
-    network = RadianceMlp(config)
+    }))
     network.load_state_dict({key: torch.from_numpy(file[f"{name}.{key}"]) for key in network.state_dict()})
     return network.requires_grad_(False)
 

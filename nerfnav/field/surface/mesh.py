@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 _POINTS_AT_ONCE = 1 << 18
 
 
-def sample_density(field: Field, spacing: float) -> np.ndarray:
-    """Densities [1/m] on a regular grid (nx, ny, nz) whose nodes are about `spacing` [m] apart."""
-    shape = shape_for(field.box, spacing)
+def _sample_density(field: Field, shape: tuple[int, int, int]) -> np.ndarray:
+    """Densities [1/m] on the nodes of a regular grid."""
     points = node_positions(field.box, shape).reshape(-1, 3)
     with torch.no_grad():
         parts = [field.density(part) for part in points.split(_POINTS_AT_ONCE)]
@@ -37,7 +36,7 @@ def field_mesh(field: Field, spacing: float, level: float = 50.0) -> "trimesh.Tr
 
     shape = shape_for(field.box, spacing)
     # the logarithm makes the exponential flank of a density linear: smoother surfaces
-    density = np.log(np.maximum(sample_density(field, spacing), 1e-6) / level)
+    density = np.log(np.maximum(_sample_density(field, shape), 1e-6) / level)
     if density.max() <= 0:
         return trimesh.Trimesh()
     closed = np.pad(density, 1, constant_values=min(-1.0, float(density.min())))
@@ -62,10 +61,10 @@ def _surface_colors(field: Field, points: torch.Tensor, outward: torch.Tensor, d
 
 def surface_points(field: Field, spacing: float, towards: tuple[float, float, float]) -> Float[Tensor, "n 3"]:
     """Find the surface points in the direction of the axis that is nearest to `towards`, in steps of `spacing` [m]."""
-    dense = torch.from_numpy(sample_density(field, spacing)) > SOLID_DENSITY
+    shape = shape_for(field.box, spacing)
+    dense = torch.from_numpy(_sample_density(field, shape)) > SOLID_DENSITY
     axis = int(torch.tensor(towards).abs().argmax())
     sign = 1 if towards[axis] > 0 else -1
-    shape = shape_for(field.box, spacing)
     step = torch.zeros(3)
     step[axis] = 0.5 * sign * float(spacing_of(field.box, shape)[axis])
     count = shape[axis] - 1

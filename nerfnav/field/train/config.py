@@ -2,8 +2,7 @@
 
 import itertools
 import math
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
+from dataclasses import dataclass, field
 
 from nerfnav.field.train.grid_learner import LearningRates
 from nerfnav.field.train.training_volume import Finish
@@ -51,7 +50,7 @@ class TrainConfig:
     """Share of each stage in the budget."""
     stage_rays: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Share of `rays` in the steps of each stage. Where time is short, more steps of fewer rays find shapes sooner."""
-    finish: Finish = dataclass_field(default_factory=Finish)
+    finish: Finish = field(default_factory=Finish)
     """Final treatment of the densities."""
     firm_from: float = 0.92
     """Share of the training from which on densities rest, finished, and only colours are learned: those that surfaces

@@ -9,13 +9,13 @@ from torch import Tensor
 
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, raw_of
 from nerfnav.field.kernels import learn, march
-from nerfnav.field.kernels import learn as parts
 from nerfnav.field.kernels.shells import whole_shells
+from nerfnav.field.models.grid_field import grey_nodes
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.proof.fusion import FusedDepth
 from nerfnav.field.train.rays import PointBatch, RayBatch
-from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear, clear_around, refined, views_of
-from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, TrainingVolume, finish_densities, finish_field
+from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear_around, views_of
+from nerfnav.field.train.training_volume import Finish, TrainingVolume, finish_densities, finish_field
 from nerfnav.geometry import PosedImages, dilate_nodes, node_positions, spacing_of
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
@@ -59,11 +59,10 @@ class GridLearner:
     ) -> None:
         """Train `inner` in the box, in the blocks `near` or in all, and `outer`, which may have no nodes, around it."""
         self.place, self.inner, self.outer = place, inner, outer
-        box = place.box
         near = all_blocks(inner.shape) if near is None else near
-        self.occupied = np.where(near.numpy(), parts.ALL_PARTS, 0).astype(np.uint8)
-        self._lower = box.lower.numpy().astype(np.float32)
-        spacing = spacing_of(box, inner.shape)
+        self.occupied = np.where(near.numpy(), learn.ALL_PARTS, 0).astype(np.uint8)
+        self._lower = place.box.lower.numpy().astype(np.float32)
+        spacing = spacing_of(place.box, inner.shape)
         self._per_meter = (1 / spacing).numpy().astype(np.float32)
         self.sample_step = 0.5 * float(spacing.min())
         self._table = learn.depth_table(DENSITY_SCALE, self.sample_step, place.unit)
@@ -79,23 +78,17 @@ class GridLearner:
         outside: int = 0,
     ) -> "GridLearner":
         """A nearly clear grey box, with a grid of `outside`^3 nodes around it; 0 for a plain background."""
-        seen = views_of(node_positions(place.box, shape), photographs)
-        grey = clear(shape, raw_of(_START_DENSITY / place.unit))
-        inner = TrainedGrid(grey, seen, all_blocks(shape), VALUE_BOUNDS, workers)
-        return cls(place, inner, clear_around(place, photographs, outside, workers))
+        grey = grey_nodes(shape, raw_of(_START_DENSITY / place.unit))
+        return cls._begin(place, grey, photographs, workers, outside)
 
     @classmethod
     def in_hull(
         cls, place: TrainingVolume, hull: Bool[Tensor, "nx ny nz"], photographs: PosedImages, workers: int
     ) -> "GridLearner":
         """Thicker fog in the nodes of a visual hull, and nothing elsewhere: there is nothing to learn there."""
-        nx, ny, nz = hull.shape
-        shape = (nx, ny, nz)
-        values = clear(shape, EMPTY_RAW)
+        values = grey_nodes(hull.shape, EMPTY_RAW)
         values[..., 0][hull] = raw_of(_START_IN_HULL / place.unit)
-        seen = views_of(node_positions(place.box, shape), photographs)
-        near = dense_blocks(values, place)
-        return cls(place, TrainedGrid(values, seen, near, VALUE_BOUNDS, workers), TrainedGrid.nothing(workers), near)
+        return cls._begin(place, values, photographs, workers, near=dense_blocks(values, place))
 
     @classmethod
     def from_depth(
@@ -105,39 +98,48 @@ class GridLearner:
 
         What depth does not show begins empty: as thin fog, it would come to stand for what surroundings should show.
         """
-        nx, ny, nz = depth.raw.shape
-        shape = (nx, ny, nz)
-        seen = views_of(node_positions(place.box, shape), photographs)
-        values = clear(shape, EMPTY_RAW)
+        values = grey_nodes(depth.raw.shape, EMPTY_RAW)
         values[..., 0] = torch.where(depth.known, depth.raw, values[..., 0])
         values[..., 1:] = depth.color
-        rates = torch.where(depth.known, 0.0, seen)
         near = dilate_nodes(dense_blocks(values, place))
-        inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
+        return cls._begin(place, values, photographs, workers, outside, near, depth.known)
+
+    @classmethod
+    def _begin(
+        cls,
+        place: TrainingVolume,
+        values: Float[Tensor, "nx ny nz 4"],
+        photographs: PosedImages,
+        workers: int,
+        outside: int = 0,
+        near: Bool[Tensor, "bx by bz"] | None = None,
+        fixed: Bool[Tensor, "nx ny nz"] | None = None,
+    ) -> "GridLearner":
+        """Learn from `values`: densities at rates by how many cameras see them, and never those that are `fixed`."""
+        nx, ny, nz, _ = values.shape
+        rates = views_of(node_positions(place.box, (nx, ny, nz)), photographs)
+        if fixed is not None:
+            rates = torch.where(fixed, 0.0, rates)
+        inner = TrainedGrid(values, rates, workers, near)
         return cls(place, inner, clear_around(place, photographs, outside, workers), near)
 
     @classmethod
     def of(cls, field: VoxelField, unit: float, workers: int) -> "GridLearner":
         """Learn on from a field, with all its nodes at the full rate, where it has density."""
-        inner = TrainedGrid(field.values, torch.ones(field.shape), field.occupied, VALUE_BOUNDS, workers)
+        inner = TrainedGrid(field.values, torch.ones(field.shape), workers, field.occupied)
         outer = TrainedGrid.nothing(workers)
         if field.outside is not None:
-            m = field.outside.values.shape[0]
-            scale = torch.ones(m, m, m)
-            outer = TrainedGrid(field.outside.values, scale, all_blocks((m, m, m)), VALUE_BOUNDS, workers)
+            outer = TrainedGrid(field.outside.values, torch.ones_like(field.outside.values[..., 0]), workers)
         return cls(TrainingVolume(field.box, field.background, unit), inner, outer, field.occupied)
 
     def refined(self, shape: tuple[int, int, int], outside: int = 0) -> "GridLearner":
         """The same field on finer grids. Empty blocks that touch no other stay empty."""
         workers = self.inner.gradients.shape[0]
-        values = self.inner.refined_values(shape)
+        values, scale = self.inner.refined(shape)
         near = dilate_nodes(dense_blocks(values, self.place))
-        inner = TrainedGrid(values, _refined_scale(self.inner, shape), near, VALUE_BOUNDS, workers)
-        outer = self.outer
+        inner, outer = TrainedGrid(values, scale, workers, near), self.outer
         if outside > outer.shape[0] > 0:
-            grid = (outside, outside, outside)
-            scale = _refined_scale(outer, grid)
-            outer = TrainedGrid(outer.refined_values(grid), scale, all_blocks(grid), VALUE_BOUNDS, workers)
+            outer = TrainedGrid(*outer.refined((outside, outside, outside)), workers)
         return GridLearner(self.place, inner, outer, near)
 
     def gradient(self, batch: RayBatch, sparsity: float) -> float:
@@ -181,8 +183,9 @@ class GridLearner:
 
     def prune_empty_blocks(self) -> None:
         """Skip what has become empty; blocks without a slot have nothing to learn in."""
-        threshold = np.float32(occupied_above(self.place))
-        parts.parts_above(self.inner.values, self.inner.slots, threshold, self.occupied)
+        learn.parts_above(
+            self.inner.values, self.inner.slots, np.float32(occupied_above(self.place)), self.occupied
+        )  # fmt: skip
 
     def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
         """Render rays in the grid as it is learned so far."""
@@ -195,11 +198,11 @@ class GridLearner:
 
     def firm(self, finish: Finish) -> None:
         """Give the densities their last values, once; from then on there are only colours to learn."""
-        if self._firm:
-            return
+        if not self._firm:
+            values, occupied = torch.from_numpy(self.inner.values), torch.from_numpy(self.occupied > 0)
+            finish_densities(self.place, values, occupied, finish)
+            self.prune_empty_blocks()
         self._firm = True
-        finish_densities(self.place, torch.from_numpy(self.inner.values), torch.from_numpy(self.occupied > 0), finish)
-        self.prune_empty_blocks()
 
     def so_far(self, finish: Finish) -> VoxelField:
         """Finished copy of the field as it is learned so far; learning goes on."""
@@ -228,7 +231,3 @@ def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: TrainingVolume) -> 
 def occupied_above(place: TrainingVolume) -> float:
     """Raw density above which space is sampled in training."""
     return raw_of(_OCCUPIED_ABOVE / place.unit)
-
-
-def _refined_scale(grid: TrainedGrid, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz"]:
-    return refined(torch.from_numpy(grid.rate_scale)[..., None], shape)[..., 0]

@@ -10,16 +10,17 @@ any, give the geometry before the first stage.
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.core import memory
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
+from nerfnav.core.memory import require_memory
+from nerfnav.field.core.occupancy import VOXELS_IN_UNIT
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.proof.fusion import FusedDepth, fuse_depth
 from nerfnav.field.proof.visual_hull import compute_hull, widen_silhouettes
@@ -57,13 +58,6 @@ def require_trainable(photographs: PosedImages, box: Box) -> None:
         raise InvalidInputError(f"the pose of image {int(turned.nonzero()[0])} is no rotation: leave that image out")
 
 
-def require_memory(shape: tuple[int, int, int], outside: int, workers: int) -> None:
-    """Raise InvalidInputError where the machine's free memory cannot hold the training of grids of these sizes."""
-    nx, ny, nz = shape
-    needed = training_bytes(nx * ny * nz, workers) + training_bytes(outside**3, workers)
-    memory.require_memory(needed, f"training {nx} x {ny} x {nz} nodes", "choose a larger voxel")
-
-
 class FirstLearner(NamedTuple):
     """Learner, stage and known geometry at the start of training."""
 
@@ -86,8 +80,10 @@ def first_learner(
     """
     require_trainable(photographs, box)
     last = len(config.stages) - 1
-    require_memory(config.shape(box, last), config.outside, workers)
-    place = TrainingVolume.of(box, background, config.voxel)
+    nx, ny, nz = config.shape(box, last)
+    needed = training_bytes(nx * ny * nz, workers) + training_bytes(config.outside**3, workers)
+    require_memory(needed, f"training {nx} x {ny} x {nz} nodes", "choose a larger voxel")
+    place = TrainingVolume(box, background, VOXELS_IN_UNIT * config.voxel)
     if photographs.silhouettes is not None:
         shape = config.shape(box, 0)
         wide = widen_silhouettes(photographs, box, config.voxel * config.stages[0])
@@ -98,7 +94,7 @@ def first_learner(
         learner = GridLearner.start(place, shape, photographs, workers, outside)
         return FirstLearner(_on_device(learner, config), 0, None)
     # the geometry is known: coarse stages would find nothing
-    depth = fuse_depth(photographs, box, config.shape(box, last))
+    depth = fuse_depth(photographs, box, (nx, ny, nz))
     learner = GridLearner.from_depth(place, depth, photographs, workers, config.outside)
     return FirstLearner(_on_device(learner, config), last, depth)
 
@@ -106,33 +102,6 @@ def first_learner(
 def _on_device(learner: GridLearner, config: TrainConfig) -> GridLearner | TorchLearner:
     device = torch.device(config.device)
     return learner if device.type == "cpu" else TorchLearner.of(learner, device)
-
-
-@dataclass(frozen=True)
-class _Evaluator:
-    """Evaluation of a field in training on its photographs."""
-
-    photographs: PosedImages
-    """Training photographs."""
-    held_out: PosedImages
-    """Photographs that measure the quality."""
-    depth: FusedDepth | None
-    """Geometry fused from depth maps; None without depth."""
-    sampler: RaySampler
-    """Source of the training photographs' gains."""
-    generator: torch.Generator
-    """Randomness of the training."""
-    exposure: bool
-    """Photographs differ in exposure."""
-
-    def evaluate(self, field: VoxelField, progress: Progress) -> VoxelField:
-        """Return the field with its occupancy and its quality."""
-        photographs = self.photographs
-        field = replace(field, info=describe_training(photographs, self.generator, progress.iteration))
-        if self.exposure:
-            photographs = correct_exposure(photographs, self.sampler.gains)
-        trained = evaluate_grid(field, self.depth, photographs, self.held_out, self.exposure)
-        return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))
 
 
 def train(
@@ -155,7 +124,14 @@ def train(
     sampler, ends = RaySampler(photographs, generator, mask), config.stage_ends
     points = points_of(photographs, box, generator)
     exposure = ExposureCorrection(sampler, config.exposure)
-    evaluator = _Evaluator(photographs, held_out, depth, sampler, generator, config.exposure)
+
+    def evaluate(field: VoxelField) -> VoxelField:
+        """Return a field in training with its occupancy and its quality."""
+        field = replace(field, info=describe_training(photographs, generator, progress.iteration))
+        shown = correct_exposure(photographs, sampler.gains) if config.exposure else photographs
+        trained = evaluate_grid(field, depth, shown, held_out, config.exposure)
+        return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))
+
     stop: bool | None = None
     next_field_s = config.field_every or math.inf
     while progress.fraction < 1 and not stop:
@@ -170,12 +146,12 @@ def train(
             ended = None if points is None else points.draw(config.points)
             progress.learned(learner.step(batch, config.rates(progress.fraction), ended), len(batch.targets))
         if progress.elapsed_s >= next_field_s and progress.fraction < 1:
-            so_far = evaluator.evaluate(learner.so_far(config.finish), progress)
+            so_far = evaluate(learner.so_far(config.finish))
             next_field_s = progress.elapsed_s + (config.field_every or math.inf)
             stop = yield replace(progress.step(), so_far=so_far)
         elif progress.is_due(config.report_every):
             stop = yield progress.step()
     rate = progress.rays_per_s
-    trained = evaluator.evaluate(learner.field(config.finish), progress)
+    trained = evaluate(learner.field(config.finish))
     yield progress.last_step(trained.info.psnr_db or 0.0, rate)
     return trained

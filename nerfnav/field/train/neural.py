@@ -64,8 +64,10 @@ class NeuralLearner:
 
     def step(self, batch: RayBatch, rate: float) -> float:
         """Learn from some rays; returns the mean squared error of the fine network before that."""
-        rays = (batch.origins, batch.directions, batch.targets)
-        origins, directions, targets = (torch.from_numpy(part).float().to(self._device) for part in rays)
+        origins, directions, targets = (
+            torch.from_numpy(part).float().to(self._device)
+            for part in (batch.origins, batch.directions, batch.targets)
+        )
         enter, leave = box_interval(self._box, origins, directions)
         edges = self._edges(enter, leave)
         distances = edges[:, :-1] + (edges[:, 1:] - edges[:, :-1]) * self._random(len(origins), edges.shape[1] - 1)

@@ -56,11 +56,6 @@ class Progress:
         """Rays learned from in a second, since the beginning."""
         return self._rays / self.elapsed_s
 
-    @property
-    def seconds_left(self) -> float:
-        """Estimated time to the end [s]."""
-        return self.elapsed_s * (1 - self.fraction) / self.fraction
-
     def learned(self, loss: float, rays: int) -> None:
         """After a training step with this mean squared error on so many rays.
 
@@ -77,7 +72,8 @@ class Progress:
 
     def step(self) -> TrainStep:
         """Make a step before the last."""
-        return TrainStep(self.iteration, self.fraction, self.psnr_db, self.rays_per_s, self.seconds_left)
+        seconds_left = self.elapsed_s * (1 - self.fraction) / self.fraction
+        return TrainStep(self.iteration, self.fraction, self.psnr_db, self.rays_per_s, seconds_left)
 
     def last_step(self, psnr_db: float, rays_per_s: float) -> TrainStep:
         """Make the last step, with the PSNR of held-out views [dB] and the speed before the evaluation."""

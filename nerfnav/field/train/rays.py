@@ -92,8 +92,7 @@ class RaySampler:
         return replace(batch, targets=batch.targets * np.repeat(self._gains, 4 * count, axis=0))
 
     def _batch(self, chosen: np.ndarray) -> RayBatch:
-        count = len(chosen)
-        jitter = torch.rand(count, generator=self._generator).numpy() - np.float32(0.5)
+        jitter = torch.rand(len(chosen), generator=self._generator).numpy() - np.float32(0.5)
         origins, directions = rays_of_pixels(
             chosen, *self._size, self._focal, self._center, self._rotations, self._positions
         )
@@ -125,9 +124,8 @@ class PointSampler:
     def __init__(self, photographs: PosedImages, box: Box, generator: torch.Generator) -> None:
         """Look at the sightings of `photographs`; `generator` decides which come when."""
         assert photographs.sightings is not None, "these photographs come without points"
-        sightings = photographs.sightings.where(box.contains(photographs.sightings.points))
-        self._sightings, self._generator = sightings, generator
-        self._centers = photographs.poses.position
+        self._sightings = photographs.sightings.where(box.contains(photographs.sightings.points))
+        self._centers, self._generator = photographs.poses.position, generator
 
     def __len__(self) -> int:
         """Number of sightings of points."""

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.field.core.occupancy import DENSITY_SCALE
-from nerfnav.field.core.protocol import LAST_SAMPLE, RaySamples, box_interval
+from nerfnav.field.core.protocol import RaySamples, bins_in_box, box_interval
 from nerfnav.field.kernels import adam, learn
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.render.surroundings import Surroundings
@@ -45,8 +45,7 @@ class TorchGrid:
     @classmethod
     def of(cls, grid: TrainedGrid, device: torch.device) -> "TorchGrid":
         """The same grid on a device, with nothing learned yet."""
-        values, scale = (torch.from_numpy(part.copy()).to(device) for part in (grid.values, grid.rate_scale))
-        return cls(values, scale)
+        return cls(*(torch.from_numpy(part.copy()).to(device) for part in (grid.values, grid.rate_scale)))
 
     def refined(self, shape: tuple[int, int, int]) -> "TorchGrid":
         """The same values between more nodes."""
@@ -88,6 +87,7 @@ class TorchLearner:
     ) -> None:
         """Train `inner`, in blocks that are `allowed`, and `outer`, all on one device."""
         self.place, self.inner, self.outer = place, inner, outer
+        self._grids = [inner] if outer is None else [inner, outer]
         self._device = inner.values.device
         self._box, self._background = place.box.to(self._device), place.background.to(self._device)
         nx, ny, nz, _ = inner.values.shape
@@ -116,8 +116,7 @@ class TorchLearner:
 
     def gradient(self, batch: RayBatch, sparsity: float) -> tuple[float, list[Tensor]]:
         """The mean squared colour error of a batch, and the gradients of its sum: of the box, of what is around it."""
-        grids = [self.inner] if self.outer is None else [self.inner, self.outer]
-        leaves = [grid.values.detach().requires_grad_() for grid in grids]
+        leaves = [grid.values.detach().requires_grad_() for grid in self._grids]
         error, thickness = self._errors(batch, leaves)
         gradients = torch.autograd.grad(error + sparsity * thickness, leaves)
         return float(error.detach()) / (3 * len(batch.targets)), list(gradients)
@@ -125,8 +124,10 @@ class TorchLearner:
     def points_gradient(self, batch: PointBatch) -> Tensor:
         """The box's gradient of the likelihood that rays end at points (see kernels/learn.py)."""
         leaf, step = self.inner.values.detach().requires_grad_(), self._sample_step
-        arrays = (batch.origins, batch.directions, batch.jitter, batch.distances)
-        origins, directions, jitter, distances = (torch.from_numpy(array).to(self._device) for array in arrays)
+        origins, directions, jitter, distances = (
+            torch.from_numpy(array).to(self._device)
+            for array in (batch.origins, batch.directions, batch.jitter, batch.distances)
+        )
         samples = self._samples(origins, directions, jitter)
         density, _ = self._mixed(leaf, origins, directions, samples)
         enter, leave = box_interval(self._box, origins, directions)
@@ -149,8 +150,7 @@ class TorchLearner:
         error, gradients = self.gradient(batch, rates.sparsity)
         if points is not None and rates.points:
             gradients[0] = gradients[0] + rates.points * self.points_gradient(points)
-        for grid, gradient in zip([self.inner, self.outer], gradients, strict=False):
-            assert grid is not None
+        for grid, gradient in zip(self._grids, gradients, strict=True):
             if self._steps % ROUGHNESS_EVERY == 0 and (rates.rough_density or rates.rough_color):
                 much = ROUGHNESS_EVERY * 3 * len(batch.targets)
                 gradient = gradient + grid.roughness(gradient, much * rates.rough_density, much * rates.rough_color)
@@ -165,8 +165,7 @@ class TorchLearner:
     @torch.no_grad()
     def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
         """Render rays in the grid as it is learned so far; the result is on the CPU."""
-        grids = [self.inner] if self.outer is None else [self.inner, self.outer]
-        return self._seen(batch, [grid.values for grid in grids])[0].cpu()
+        return self._seen(batch, [grid.values for grid in self._grids])[0].cpu()
 
     def firm(self, finish: Finish) -> None:
         """Give the densities their last values, once (see `GridLearner.firm`)."""
@@ -201,8 +200,9 @@ class TorchLearner:
 
     def _seen(self, batch: RayBatch, leaves: list[Tensor]) -> tuple[Tensor, Tensor, float]:
         """Colours (n, 3) of rays, the densities of their samples, and how far apart these are [m]."""
-        arrays = (batch.origins, batch.directions, batch.jitter)
-        origins, directions, jitter = (torch.from_numpy(array).to(self._device) for array in arrays)
+        origins, directions, jitter = (
+            torch.from_numpy(array).to(self._device) for array in (batch.origins, batch.directions, batch.jitter)
+        )
         samples = self._samples(origins, directions, jitter)
         density, color = self._mixed(leaves[0], origins, directions, samples)
         density = _learned(density, samples.step)
@@ -229,15 +229,14 @@ class TorchLearner:
     def _samples(self, origins: Tensor, directions: Tensor, jitter: Tensor) -> RaySamples:
         """A sample every half voxel in the parts that are sampled."""
         step = self._sample_step
-        enter, leave = box_interval(self._box, origins, directions)
-        counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)
-        index = torch.arange(max(1, int(counts.max())), device=self._device)
+        enter, inside = bins_in_box(self._box, origins, directions, step)
+        index = torch.arange(inside.shape[1], device=self._device)
         distances = (enter + jitter * step)[:, None] + (index + 0.5) * step
         points = origins[:, None] + distances[..., None] * directions[:, None]
         shape = torch.tensor(self.inner.values.shape[:3], device=self._device)
         cell = ((points - self._box.lower) / self._box.size * (shape - 1)).long()
         x, y, z = (torch.minimum(cell.clamp_min(0), shape - 2) // 2).unbind(-1)
-        return RaySamples(distances, (index < counts[:, None]) & self.parts[x, y, z], step)
+        return RaySamples(distances, inside & self.parts[x, y, z], step)
 
 
 def _learned(density: Float[Tensor, "n samples"], step: float) -> Float[Tensor, "n samples"]:

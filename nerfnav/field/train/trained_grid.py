@@ -13,6 +13,7 @@ from torch import Tensor
 
 from nerfnav.field.kernels import adam
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
+from nerfnav.field.models.grid_field import grey_nodes
 from nerfnav.field.render.surroundings import SPAN, uncontracted
 from nerfnav.field.train.training_volume import VALUE_BOUNDS, TrainingVolume
 from nerfnav.geometry import PosedImages, node_positions
@@ -27,15 +28,14 @@ class TrainedGrid:
         self,
         values: Float[Tensor, "nx ny nz 4"],
         rate_scale: Float[Tensor, "nx ny nz"],
-        occupied: Bool[Tensor, "bx by bz"],
-        bounds: Float[Tensor, "2 4"],
         workers: int,
+        occupied: Bool[Tensor, "bx by bz"] | None = None,
     ) -> None:
-        """Learn `values` between `bounds`, densities at rates times `rate_scale`, nodes of `occupied` blocks only."""
+        """Learn `values`, densities at rates times `rate_scale`, nodes of `occupied` blocks only or of all."""
         self.values = values.numpy().astype(np.float32, order="C")  # a copy: it will change
         self.rate_scale = np.ascontiguousarray(rate_scale.numpy(), np.float32)
-        self._bounds = bounds.numpy().astype(np.float32)
-        needed = _with_borders(occupied)
+        self._bounds = VALUE_BOUNDS.numpy().astype(np.float32)
+        needed = _with_borders(all_blocks(self.shape) if occupied is None else occupied)
         self.slots = np.full(tuple(needed.shape), -1, np.int32)
         self._blocks = needed.nonzero().numpy().astype(np.int32)
         count = len(self._blocks)
@@ -48,8 +48,7 @@ class TrainedGrid:
     @classmethod
     def nothing(cls, workers: int) -> "TrainedGrid":
         """A grid without nodes, for a field without surroundings."""
-        empty = torch.zeros(0, 0, 0)
-        return cls(torch.zeros(0, 0, 0, 4), empty, empty.bool(), torch.zeros(2, 4), workers)
+        return cls(torch.zeros(0, 0, 0, 4), torch.zeros(0, 0, 0), workers)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -59,8 +58,10 @@ class TrainedGrid:
 
     def smooth(self, density_weight: float, color_weight: float) -> None:
         """Add the gradient of the roughness of what rays have touched, weighed, to that of the rays."""
-        weights = np.array([density_weight, *[color_weight] * 3], np.float32)
-        adam.add_roughness(self.values, self._blocks, self.gradients, self.touched, weights)
+        adam.add_roughness(
+            self.values, self._blocks, self.gradients, self.touched,
+            np.array([density_weight, *[color_weight] * 3], np.float32),
+        )  # fmt: skip
 
     def descend(self, density_rate: float, color_rate: float) -> None:
         """Take a step of Adam, and clear the gradients."""
@@ -83,9 +84,12 @@ class TrainedGrid:
         self.gradients[:] = 0
         self.touched[:] = 0
 
-    def refined_values(self, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz 4"]:
-        """The same values between more nodes."""
-        return refined(torch.from_numpy(self.values), shape)
+    def refined(
+        self, shape: tuple[int, int, int]
+    ) -> tuple[Float[Tensor, "nx ny nz 4"], Float[Tensor, "nx ny nz"]]:
+        """The same values, and the scale of their rates, between more nodes."""
+        values, scale = torch.from_numpy(self.values), torch.from_numpy(self.rate_scale)
+        return refined(values, shape), refined(scale[..., None], shape)[..., 0]
 
     def dense_gradient(self) -> Float[Tensor, "nx ny nz 4"]:
         """The sum of the gradients since the last step, on the nodes."""
@@ -139,13 +143,7 @@ def clear_around(place: TrainingVolume, photographs: PosedImages, outside: int, 
         return TrainedGrid.nothing(workers)
     grid = (outside, outside, outside)
     seen = views_of(uncontracted(place.box, node_positions(SPAN, grid)), photographs)
-    return TrainedGrid(clear(grid, _START_OUTSIDE), seen, all_blocks(grid), VALUE_BOUNDS, workers)
-
-
-def clear(shape: tuple[int, int, int], raw: float) -> Float[Tensor, "nx ny nz 4"]:
-    values = torch.full((*shape, 4), 0.5)
-    values[..., 0] = raw
-    return values
+    return TrainedGrid(grey_nodes(grid, _START_OUTSIDE), seen, workers)
 
 
 def all_blocks(shape: tuple[int, int, int]) -> Bool[Tensor, "bx by bz"]:

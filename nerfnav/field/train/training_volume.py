@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.field.core.occupancy import EMPTY_RAW, VOXELS_IN_UNIT, raw_of
+from nerfnav.field.core.occupancy import EMPTY_RAW, raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.geometry import Box
@@ -26,12 +26,6 @@ class TrainingVolume:
     """Colour of rays that nothing stops."""
     unit: float
     """Length [m] that densities are weighed in: fog is thin or thick for the size of a place's voxels."""
-
-    @classmethod
-    def of(cls, box: Box, background: Float[Tensor, "3"], voxel: float) -> "TrainingVolume":
-        """A place that is learned with voxels of so many metres."""
-        return cls(box, background, VOXELS_IN_UNIT * voxel)
-
 
 _FAINT_OUTSIDE = -7.0  # raw density of a shell that stops less than 0.25 % of the light
 

@@ -143,7 +143,7 @@ def test_only_blocks_that_are_looked_at_take_memory():
     values[16:18, 16:18, 16:18, 0] = 0.0
     learner = GridLearner.of(VoxelField(BOX, values, torch.zeros(3)), 1.0, workers=2)
     assert learner.inner.gradients.shape[1] <= 27
-    full = TrainedGrid(values, values[..., 0], torch.ones(9, 9, 9, dtype=torch.bool), torch.zeros(2, 4), 2)
+    full = TrainedGrid(values, values[..., 0], 2)
     arrays = (full.values, full.rate_scale, full.gradients, full._moments)
     assert sum(array.nbytes for array in arrays) < 1.4 * training_bytes(33**3, 2)  # blocks reach over the border
 
