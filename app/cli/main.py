@@ -104,14 +104,14 @@ def parse(words: Sequence[str]) -> tuple[ModuleType, Any]:
     """
     name, command, rest = _command_of(words)
     rest, replaced = replace_old_options(rest)
-    for old, new in replaced.items():
-        print(f"nerfnav: {old} is now {new}: the next release removes the old name", file=sys.stderr)
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
             arguments = tyro.cli(_shape_of(command, rest), args=rest, prog=f"nerfnav {name}", config=_STYLE)
     except SystemExit as stop:
         raise InvalidInputError(f"{_first_paragraph(complaint.getvalue())}; see `nerfnav {name} --help`") from stop
+    for old, new in replaced.items():  # only now: a word that is no option was not renamed either
+        print(f"nerfnav: {old} is now {new}: the next release removes the old name", file=sys.stderr)
     require_finite(arguments)
     return command, arguments
 

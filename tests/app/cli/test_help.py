@@ -64,6 +64,12 @@ def test_what_a_collision_by_noise_costs_in_flight_is_what_its_option_says(capsy
     assert f"0 for plans, {RISK:g} in flights of the fast planner" in text
 
 
+def test_a_mistyped_old_option_is_refused_and_not_called_renamed(capsys: Capture) -> None:
+    assert main(["plan", "stonehenge", "--config.rsik", "3"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and "is now" not in err
+
+
 def test_an_old_option_works_and_is_warned_of_on_stderr(field_file: Path, capsys: Capture) -> None:
     ends = ["--start", "-0.6", "0", "0.5", "--goal", "0.6", "0.1", "0.5"]
     words = ["plan", str(field_file), *ends, "--planner", "paper", "--steps", "20", "--json"]
