@@ -80,9 +80,13 @@ class CompositeField:
         parts[index] = replace(parts[index], pose=pose)
         return CompositeField(tuple(parts))
 
-    @cached_property
+    @property
     def box(self) -> Box:
         """The smallest box around all parts."""
+        return self._box
+
+    @cached_property
+    def _box(self) -> Box:
         boxes = [part.box for part in self.parts]
         lower, upper = torch.stack([box.lower for box in boxes]), torch.stack([box.upper for box in boxes])
         return Box(lower.amin(0), upper.amax(0))
