@@ -1,7 +1,7 @@
 """Plan, fly and filter in one call each, with the settings of `nerfnav plan` and `nerfnav fly`.
 
-For every iteration, use the generators that these run to their end: `nerfnav.planner.solvers.fast.plan_fast`,
-`nerfnav.navigation.loop.navigate` and `Estimator.update`.
+For every iteration, use the generators that these run to their end: `nerfnav.navigation.plan_first`,
+`nerfnav.navigation.navigate` and `Estimator.update`.
 """
 
 from dataclasses import replace
@@ -24,43 +24,47 @@ from nerfnav.navigation import (
     NavigationStack,
     Simulator,
     build_safe_planner,
+    estimate_flight_time,
+    make_yaw_objective,
     navigate,
+    plan_first,
     world_generator,
 )
 from nerfnav.planner import (
     FastPlanConfig,
+    FastPlanner,
     PlanProblem,
     PlanResult,
-    PlanSteps,
-    estimate_timing,
-    find_shortest_plan,
     map_for,
-    path_length,
-    plan_fast,
     planners,
+    with_risk,
 )
 
 
 def plan(
     problem: PlanProblem, config: FastPlanConfig | None = None, duration: Literal["auto"] | None = None
 ) -> PlanResult:
-    """Plan the trajectory that minimises paper Eq. 2, by the fast planner.
+    """Plan the trajectory with which `fly` begins, by the fast planner.
+
+    By default it minimises paper Eq. 2 with the risk of the problem's noise, and turns to where the robot's camera
+    sees something. With a `config` it minimises J by the weights of that alone: `FastPlanConfig()` is paper Eq. 2.
 
     The problem gives the duration, by default the paper's 2 s. With the duration "auto", the shortest plan is found
     that keeps the robot's limits (see planner/solvers/duration.py), as places of other sizes need it. Space that no
     camera saw counts as solid. Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be
     planned between; check `outcome` before you fly the result.
     """
-    problem, config = _with_solid_unknown(problem), config or FastPlanConfig()
-    if duration is None:
-        return run_steps(plan_fast(problem, config))
-    occupancy = map_for(problem, config.occupancy).remembering()
-    timing = estimate_timing(problem.robot, path_length(problem, occupancy, config.search), problem.dt)
-
-    def plan_steps(steps: int) -> PlanSteps:
-        return plan_fast(replace(problem, steps=steps, dt=timing.dt), config, occupancy)
-
-    return run_steps(find_shortest_plan(plan_steps, problem.robot, timing.config))
+    seen, problem, robot = problem.field, _with_solid_unknown(problem), problem.robot
+    settings, objective = config, None
+    if settings is None:
+        settings = with_risk(FastPlanConfig())
+        objective = make_yaw_objective(seen, problem.field, robot, robot.mount, NavigateConfig.in_sight)
+    occupancy = map_for(problem, settings.occupancy).remembering()
+    planner = FastPlanner(
+        problem.field, robot, settings, settings, occupancy=occupancy, terms=problem.terms, noise=problem.noise
+    )
+    timing = None if duration is None else estimate_flight_time(problem, occupancy, settings)
+    return run_steps(plan_first(planner, problem.route, robot, objective, timing))
 
 
 def fly(

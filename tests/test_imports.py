@@ -72,7 +72,8 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
     "nerfnav.navigation": (
         ("fallback", "simulator", "supervisor"),
         ("episode", "flight"),
-        ("looking", "physical", "realtime"),
+        ("looking",),
+        ("first_plan", "physical", "realtime"),
         ("loop",),
     ),
     "nerfnav.planner": (

@@ -16,6 +16,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from nerfnav.core.errors import InvalidInputError, require_not_negative
 from nerfnav.field import UnknownSpace
 from nerfnav.importers import AXES, MeasuredDistance, Placement
+from nerfnav.navigation import NavigateConfig, WorldName
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.world import Task
@@ -141,9 +142,16 @@ class Route(Output):
     """Length of a time step [s] (default: 0.1, longer for large robots whose path would take more than 80 steps)."""
     unknown: Literal["occupied", "free"] = "occupied"
     """How planners treat space that no camera saw into, such as the insides of walls."""
-    risk: float | None = None
-    """Cost of a collision by noise [J]: more keeps farther from obstacles, 0 plans without noise (default: 0 for plans,
-    100 in flights of the fast planner)."""
+    duration: Annotated[float | Literal["auto"] | None, arg(metavar="FLOAT|auto")] = None
+    """Duration [s], in place of --steps; auto: the shortest that keeps the robot's limits (default: 2 for tasks,
+    else auto). Of long paths, auto finds it within a half."""
+    max_collision: float | None = None
+    """Largest probability of a collision: the plan is refined until it keeps it, or refused."""
+    risk_weight: float | None = None
+    """Cost of a collision by noise [J]: more keeps farther from obstacles, 0 keeps 4 cm of room instead (default: 100
+    for the fast planner)."""
+    paper_cost: bool = False
+    """Minimise the paper's Eq. 2 alone: no noise model, no room for noise, no choice of headings."""
 
     def open(self) -> Place:
         """Open the place, with the robot of --robot or of the task."""
@@ -153,40 +161,54 @@ class Route(Output):
         task = self._task(place)
         return place if task is None else place.with_robot(task.robot)
 
-    def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
-        """Make the request for the planner."""
+    def request(
+        self,
+        place: Place,
+        config: PlannerConfig,
+        again: PlannerConfig | None = None,
+        flight: NavigateConfig | None = None,
+        world: WorldName = "paper",
+    ) -> PlanRequest:
+        """Make the request for the planner, by its settings for the first plan and in flight (None: its own)."""
+        flight = NavigateConfig() if flight is None else flight
         steps = PlanRequest.steps if self.steps is None else self.steps
         dt = PlanRequest.dt if self.dt is None else self.dt
         ends = self._ends(place)
         distance = math.dist(ends.start.position, ends.goal.position)
         unknown = self._task(place) is None or is_hurried(place.robot, distance, steps * dt)
-        return PlanRequest(
+        request = PlanRequest(
             ends,
             steps=steps,
             dt=dt,
             keep_dt=self.dt is not None,
-            shortest=self.steps is None and unknown,
+            shortest=self.duration == "auto" or (self.duration is None and self.steps is None and unknown),
             planner=self.planner,
+            max_collision=self.max_collision,
             unknown=UnknownSpace(self.unknown),
-            config=self.with_risk(config),
+            config=config,
+            again=self._replan_settings(config, again),
+            flight=self._bounded(flight),
+            world=world,
         )
+        return request.lasting(self.duration) if isinstance(self.duration, float) else request
 
-    def with_risk(self, config: PlannerConfig) -> PlannerConfig:
-        """Set the weight of risk in the settings of the planner."""
-        if self.risk is None:
-            return config
-        require_not_negative(risk=self.risk)
-        return replace(config, weights=replace(config.weights, risk=self.risk))
+    def _bounded(self, flight: NavigateConfig) -> NavigateConfig:
+        """Configure the flight by --max-collision and --paper-cost."""
+        bounded = flight if self.max_collision is None else replace(flight, most_risk=self.max_collision)
+        return replace(bounded, in_sight=0.0) if self.paper_cost else bounded
 
-    def replan_settings(self, config: PlannerConfig, again: PlannerConfig) -> PlannerConfig | None:
-        """Choose the settings of plans in flight: `again` if it differs from the default, else None.
-
-        With --risk, None becomes the settings of the first plan with that risk.
-        """
+    def _replan_settings(self, config: PlannerConfig, again: PlannerConfig | None) -> PlannerConfig | None:
+        """Choose the settings of plans in flight: `again` if it differs from the default, else those that --risk-weight
+        and --paper-cost make of the first plan's; None for the default."""
         entry = planners.load(self.planner)
-        if again != entry.again(entry.config()):
+        require_not_negative(**{"--risk-weight": self.risk_weight})
+        if again is not None and again != entry.again(entry.config()):
             return again
-        return None if self.risk is None else entry.in_flight(config, self.risk)
+        if self.paper_cost:
+            if self.risk_weight:
+                raise InvalidInputError("--paper-cost counts no risk: leave out --risk-weight, or --paper-cost")
+            return config
+        return None if self.risk_weight is None else entry.in_flight(config, self.risk_weight)
 
     def task_name(self, place: Place) -> str | None:
         """Name of the task; None where start and goal are given."""

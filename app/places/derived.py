@@ -6,7 +6,9 @@ from functools import lru_cache
 from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
 from nerfnav.field import UnknownSpace, describe_unproven, planning_field
 from nerfnav.geometry import Camera
+from nerfnav.navigation import WORLDS, WorldName
 from nerfnav.planner import OccupancyConfig, OccupancyMap
+from nerfnav.robots import Robot
 from nerfnav_app.places.place import Place
 
 
@@ -26,6 +28,12 @@ def build_occupancy(place: Place, config: OccupancyConfig, height: float) -> Occ
 def _map_of(place: Place, config: OccupancyConfig, height: float | None) -> OccupancyMap:
     """Made once, for it takes longer than most searches."""
     return OccupancyMap.of(place.field, place.robot.body, config, height)
+
+
+@lru_cache(maxsize=4)
+def planning_robot(robot: Robot, world: WorldName) -> Robot:
+    """The robot as planners take it in a world; one object for each, by which maps of chances know it again."""
+    return WORLDS[world].planning_robot(robot)
 
 
 @lru_cache(maxsize=1)

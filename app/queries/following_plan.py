@@ -8,15 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.planner import PlannerConfig, PlanOutcome, PlanResult, PlanStep, planners
+from nerfnav.planner import PlanOutcome, PlanResult, PlanStep, planners
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobRun
 from nerfnav_app.jobs.plan import plan
-from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.place import Choice
-from nerfnav_app.state.plan import PlanRecord, PlanSettings
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
 
 
@@ -37,11 +35,14 @@ class SessionPlan:
         return next((step.outcome for step in reversed(self.steps) if isinstance(step, PlanResult)), None)
 
 
-def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> plan.PlanRequest:
-    """Request a plan between some ends by the settings; `own` configures the planner with unchanged weights."""
+def plan_request(record: PlanRecord, resources: Resources) -> plan.PlanRequest:
+    """Request the plan of a record: the first plan of a flight by the same settings."""
+    settings, planner, own = record.settings, record.planner, resources.plan_configs.get(record.planner)
+    flight = replace(resources.navigate, noise=record.flight.noise, most_risk=settings.max_collision)
     request = plan.PlanRequest(
-        ends, planner=planner, config=settings.config(planner, own), shortest=settings.shortest,
-        max_collision=settings.max_collision, unknown=settings.unknown,
+        record.ends, planner=planner, config=settings.config(planner, own), again=settings.flight_config(planner, own),
+        shortest=settings.shortest, max_collision=settings.max_collision, unknown=settings.unknown,
+        flight=replace(flight, in_sight=0.0) if settings.paper_cost else flight, world=record.flight.world,
     )  # fmt: skip
     return request.lasting(settings.duration_s)
 
@@ -58,13 +59,11 @@ def make_plan(request: plan.PlanRequest, place: Place) -> SessionPlan:
 
 @dataclass(frozen=True)
 class FollowingPlanQuery(Query[SessionPlan]):
-    """Query for the plan between these ends, by this planner with these settings."""
+    """Query for the plan of a record, by the robot that was chosen then."""
 
-    ends: Ends
-    choice: Choice
-    settings: PlanSettings
-    draft: bool = False
-    """Whether a hand still moves an end: then a draft is made, without a verdict."""
+    record: PlanRecord
+    """Ends, planner and settings; a draft where a hand still moves an end, without a verdict."""
+    robot: str
     jobs_begun: int = field(default=0, compare=False)
     """Number of jobs when it was asked."""
     last: Motion | None = field(default=None, compare=False)
@@ -79,27 +78,25 @@ class FollowingPlanQuery(Query[SessionPlan]):
         stale = session.plan_is_stale or (plan.draft and not session.held)
         if stale and planners.load(session.choice.planner).real_time:
             last = None if plan.latest is None else plan.latest.motion
-            yield cls(session.ends, session.choice, session.plan_settings, session.held, session.jobs_begun, last)
+            record = replace(session.new_plan(session.ends), draft=session.held)
+            yield cls(record, session.choice.robot, session.jobs_begun, last)
 
     def answer(self, resources: Resources) -> SessionPlan:
         """Run the plan job."""
-        own = resources.plan_configs.get(self.choice.planner)
-        request = plan_request(self.settings, self.ends, self.choice.planner, own)
-        return make_plan(replace(request, draft=self.draft, warm_start=self.last), resources.place)
+        request = plan_request(self.record, resources)
+        return make_plan(replace(request, draft=self.record.draft, warm_start=self.last), resources.place)
 
     def apply(self, session: Session, result: SessionPlan) -> Session:
         """Show the plan, unless a job has begun since or another robot was taken.
 
         The ends may have moved on meanwhile: a plan for earlier ones is newer than the one that is shown.
         """
-        plan, robot = session.plan, session.choice.robot
-        if plan is None or session.jobs_begun != self.jobs_begun or robot != self.choice.robot:
+        plan = session.plan
+        if plan is None or session.jobs_begun != self.jobs_begun or session.choice.robot != self.robot:
             return session
         if not result.steps:
             return replace(session, plan=replace(plan, refusal=result.refusal))
-        record = PlanRecord(
-            self.ends, self.choice.planner, self.settings, draft=self.draft, summary=result.summary
-        )
+        record = replace(self.record, summary=result.summary)
         for step in result.steps:
             record = record.with_step(step)
         return replace(session, plan=record)

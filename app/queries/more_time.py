@@ -28,12 +28,12 @@ class MoreTimeQuery(PlanQuery[float | None]):
     def answer(self, resources: Resources) -> float | None:
         """Plan with more and more time."""
         plan = self.plan
-        own, seconds = resources.plan_configs.get(plan.planner), plan.settings.duration_s
+        seconds = plan.settings.duration_s
         for _ in range(_TRIALS):
             seconds = round(_GROWTH * seconds + 0.05, 1)
             if seconds > LONGEST_S:
                 return None
-            request = plan_request(plan.settings.with_duration(seconds), plan.ends, plan.planner, own)
+            request = plan_request(replace(plan, settings=plan.settings.with_duration(seconds)), resources)
             outcome = make_plan(replace(request, draft=True), resources.place).outcome
             if outcome is not PlanOutcome.OVER_LIMITS:
                 return seconds if outcome in FLYABLE else None

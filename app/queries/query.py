@@ -9,6 +9,7 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Self, TypeVar
 
+from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig
 from nerfnav_app.places.place import Place
 from nerfnav_app.state.plan import PlanRecord
@@ -28,6 +29,8 @@ class Resources:
     """Stored runs; None where none are kept."""
     plan_configs: Mapping[str, PlannerConfig] = field(default_factory=dict)
     """Settings of planners by name; other planners use their own."""
+    navigate: NavigateConfig = field(default_factory=NavigateConfig)
+    """Configuration of flights, but for the noise, which is that of the session."""
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def _add_step(session: Session, job: Job, event: PlanStep | FilterStep | Navigat
     if isinstance(event, FilterStep) or flight.steps or planned:
         return replace(session, flight=flight.with_iteration(event))
     # a flight that begins without a plan makes one, which is shown as a plan
-    plan = session.plan or PlanRecord(job.ends, session.choice.planner, session.plan_settings)
+    plan = session.plan or session.new_plan(job.ends)
     plan = plan.with_step(event)
     if plan.is_unsafe and not job.anyway:
         return _keep_grounded(session, plan)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from nerfnav.planner import CostWeights
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.flight import FlightRecord
@@ -39,7 +38,7 @@ def command_job(session: Session, command: JobCommand) -> Session:
         case AllowTime(seconds):
             return begin_job(replace(session, plan_settings=session.plan_settings.with_duration(seconds)), JobKind.PLAN)
         case RestoreWeights():
-            weighed = replace(session.plan_settings, weights=CostWeights())
+            weighed = session.plan_settings.default_cost()
             return begin_job(replace(session, plan_settings=weighed), JobKind.PLAN)
         case StartExperiment():
             asked = replace(session, experiments=session.experiments.commanded(command))
@@ -77,7 +76,7 @@ def begin_job(
         return fresh
     fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
-        return replace(fresh, plan=PlanRecord(session.ends, session.choice.planner, session.plan_settings))
+        return replace(fresh, plan=session.new_plan(session.ends))
     return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends))
 
 

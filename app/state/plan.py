@@ -5,10 +5,21 @@ from typing import Any, ClassVar
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import UnknownSpace
-from nerfnav.planner import FLYABLE, CostWeights, PlanCost, PlannerConfig, PlanOutcome, PlanResult, PlanStep, planners
+from nerfnav.planner import (
+    FLYABLE,
+    RISK,
+    CostWeights,
+    PlanCost,
+    PlannerConfig,
+    PlanOutcome,
+    PlanResult,
+    PlanStep,
+    planners,
+)
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.places.ends import Ends
+from nerfnav_app.state.flight import FlightSettings
 
 _SHORTEST_S, LONGEST_S = 0.5, 600.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
@@ -60,7 +71,11 @@ class PlanSettings:
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """Occupancy that is assumed of space that no camera saw."""
     weights: CostWeights = field(default_factory=CostWeights)
-    """Weights of the terms of J."""
+    """Weights of the terms of J; a weight of risk in it, as stored by earlier versions, comes before `risk_weight`."""
+    risk_weight: float = RISK
+    """Cost of a collision by noise [J], for planners that count it; 0 keeps room around the body instead."""
+    paper_cost: bool = False
+    """Minimise the paper's Eq. 2 alone: no noise model, no room for noise, no choice of headings."""
 
     def with_duration(self, seconds: float) -> "PlanSettings":
         """Set the duration [s], without a search for the shortest."""
@@ -72,6 +87,8 @@ class PlanSettings:
             raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {LONGEST_S:g} s")
         if self.max_collision is not None and not 0 < self.max_collision <= 1:
             raise InvalidInputError("the accepted risk must be above 0 % and at most 100 %")
+        if not 0 <= self.risk_weight <= _HEAVIEST:
+            raise InvalidInputError(f"risk weight must be from 0 to {_HEAVIEST:g} J")
         most = {"samples_per_step": _MOST_SAMPLES, "margin": _WIDEST_M}
         for part in fields(self.weights):
             value, largest = getattr(self.weights, part.name), most.get(part.name, _HEAVIEST)
@@ -79,11 +96,29 @@ class PlanSettings:
             if not least <= value <= largest:
                 raise InvalidInputError(f"{part.name.replace('_', ' ')} must be from {least:g} to {largest:g}")
 
+    @property
+    def has_default_cost(self) -> bool:
+        """True where no weight of J was changed."""
+        return self.default_cost() == self
+
+    def default_cost(self) -> "PlanSettings":
+        """Restore the default weights of J."""
+        return replace(self, weights=CostWeights(), risk_weight=RISK, paper_cost=False)
+
     def config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:
         """Merge the weights into the planner's settings; `own` is returned where all weights are the default."""
-        if self.weights == CostWeights():
+        weights = replace(self.weights, risk=0.0)
+        if weights == CostWeights():
             return own
-        return replace(planners.load(planner).config() if own is None else own, weights=self.weights)
+        return replace(planners.load(planner).config() if own is None else own, weights=weights)
+
+    def flight_config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:
+        """Choose the planner's settings in flight; None for its own."""
+        entry = planners.load(planner)
+        settings, risk = self.config(planner, own) or entry.config(), self.weights.risk or self.risk_weight
+        if self.paper_cost:
+            return settings
+        return None if risk == RISK else entry.in_flight(settings, risk)
 
 
 @dataclass(frozen=True)
@@ -128,6 +163,8 @@ class PlanRecord:
     """Planner of the request."""
     settings: PlanSettings = field(default_factory=PlanSettings)
     """Settings of the request."""
+    flight: FlightSettings = field(default_factory=FlightSettings)
+    """Settings of the flight that the plan is for: its noise and its world count in the plan."""
     draft: bool = False
     """True for a plan that follows the hand while it drags an end: it is not checked for safety."""
     refusal: str = ""

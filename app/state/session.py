@@ -138,10 +138,17 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
 
     @property
     def plan_is_stale(self) -> bool:
-        """True where ends, settings or planner have changed since the plan was requested."""
+        """True where ends, planner, settings, noise or world have changed since the plan was requested."""
         plan = self.plan
-        asked = self.ends, self.choice.planner, self.plan_settings
-        return plan is not None and (plan.ends, plan.planner, plan.settings) != asked
+        if plan is None:
+            return False
+        flight, now = plan.flight, self.flight_settings
+        asked = self.ends, self.choice.planner, self.plan_settings, now.noise, now.world
+        return (plan.ends, plan.planner, plan.settings, flight.noise, flight.world) != asked
+
+    def new_plan(self, ends: Ends) -> PlanRecord:
+        """Begin the record of a plan between `ends` with the settings of now."""
+        return PlanRecord(ends, self.choice.planner, self.plan_settings, self.flight_settings)
 
     @property
     def fresh_plan(self) -> PlanRecord | None:

@@ -62,9 +62,9 @@ class NavigationBackend:
             return self.open(session.what, session.quality)
         match job.kind:
             case JobKind.PLAN:
-                return plan.run(self._plan_request(session, job, session.choice.planner), place)
+                return plan.run(self._plan_request(session, job, place, session.choice.planner), place)
             case JobKind.COMPARE:
-                routes = [self._plan_request(session, job, name) for name in planners.names()]
+                routes = [self._plan_request(session, job, place, name) for name in planners.names()]
                 return compare_planners.run(routes, place)
             case JobKind.FLY:
                 self._requests = SessionRequests(job, place)
@@ -90,7 +90,7 @@ class NavigationBackend:
 
     def answer(self, place: Place, query: Query[Any]) -> Any:
         """Answer a query of the page."""
-        return query.answer(Resources(place, self.runs, self.plans))
+        return query.answer(self._resources(place))
 
     def change(self, change: RunChange) -> RunChanged:
         """Rename or delete a stored run; report the problem where that fails."""
@@ -105,23 +105,25 @@ class NavigationBackend:
             return RunChanged(change, sentence(self.runs.without_folder(str(error))))
         return RunChanged(change)
 
-    def _plan_request(self, session: Session, job: Job, planner: str) -> plan.PlanRequest:
-        return plan_request(session.plan_settings, job.ends, planner, self.plans.get(planner))
+    def _resources(self, place: Place) -> Resources:
+        return Resources(place, self.runs, self.plans, self.navigate)
+
+    def _plan_request(self, session: Session, job: Job, place: Place, planner: str) -> plan.PlanRequest:
+        record = replace(session.new_plan(job.ends), planner=planner)
+        return plan_request(record, self._resources(place))
 
     def _fly_request(self, session: Session, job: Job, place: Place, requests: SessionRequests) -> FlyRequest:
         """Request a flight by the settings of the session, with its plan as the first one."""
         settings = session.flight_settings
         made = job.first_plan.latest if job.first_plan is not None else None
         return FlyRequest(
-            self._plan_request(session, job, session.choice.planner),
+            self._plan_request(session, job, place, session.choice.planner),
             plan=None if made is None else made.motion,
             cautious=made is None and not job.anyway,
             estimator=session.choice.estimator,
             open_loop=settings.open_loop,
             seed=settings.seed,
-            world=settings.world,
             realtime=settings.realtime,
-            config=replace(self.navigate, noise=settings.noise),
             operator=requests.take,
             source=session.what,
             task=session.task,

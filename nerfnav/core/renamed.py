@@ -109,6 +109,7 @@ NAMES: dict[str, str] = {
 """Old public name to the new one, each as `package.name`."""
 OPTIONS: dict[str, str] = {
     "--config.": "--",
+    "--risk": "--risk-weight",
 }
 """Old option of the command line to the new one; a name that ends with a dot stands for all options below it."""
 

@@ -112,6 +112,7 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
         "outcome": REFUSED if last is None or last.outcome is None else last.outcome.name.lower(),
         "steps": len(steps["nees"]),
         "hits_expected": flown[0].hits_expected if flown else None,
+        "collision_probability": flown[0].collision_probability if flown else None,
         "touches": sum(step.touched for step in flown),
         "final_m": None if last is None else (last.truth.position - goal.position).norm().item(),
         "position_median_m": quantile(steps["position_m"], 0.5),

@@ -19,7 +19,7 @@ class FlightOptions:
     world: WorldName = "paper"
     """The paper's noise, or the physical world, in which other robots than quadrotors do not fly."""
     risk: float | None = None
-    """Cost of a collision by noise [J], as of `nerfnav fly --risk`; None: the default of flights."""
+    """Cost of a collision by noise [J], as of `nerfnav fly --risk-weight`; None: the default of flights."""
     truth: bool = False
     """Fly each flight a second time with the state known: the cost of the noise alone."""
     robot: str | None = None

@@ -21,8 +21,8 @@ from nerfnav.estimator import Belief
 from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
 from nerfnav.live.setpoints import place_on_curve, predict_guided, setpoints_of, shift_half_step_back
-from nerfnav.navigation import NavigateConfig, build_safe_planner
-from nerfnav.navigation.fallback import FallbackTrajectory, SafetyFilter
+from nerfnav.navigation import NavigateConfig, SafetyFilter, build_safe_planner
+from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.planner import (
     FLYABLE,
     FastPlanConfig,

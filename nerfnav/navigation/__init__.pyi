@@ -3,11 +3,15 @@ from .episode import EpisodeOutcome as EpisodeOutcome
 from .episode import FlightStep as FlightStep
 from .episode import Iteration as Iteration
 from .episode import NavigationStep as NavigationStep
+from .fallback import SafetyFilter as SafetyFilter
 from .fallback import build_safe_planner as build_safe_planner
+from .first_plan import estimate_flight_time as estimate_flight_time
+from .first_plan import plan_first as plan_first
 from .flight import FlightRequest as FlightRequest
 from .flight import NavigateConfig as NavigateConfig
 from .flight import NavigationStack as NavigationStack
 from .flight import OperatorRequests as OperatorRequests
+from .looking import make_yaw_objective as make_yaw_objective
 from .loop import navigate as navigate
 from .physical.config import PhysicalConfig as PhysicalConfig
 from .physical.worlds import WORLDS as WORLDS

@@ -81,15 +81,18 @@ class NavigationStep:
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
     hits_expected: float | None = None
-    """Collisions to be expected of noise along the first plan, at index 0, by planner/risk/tracking_error.py: mostly
-    more than there will be, for what is near counts anew in each step. No bound: plans made on the way may dare more,
-    and a quick step counts by its mean. Of 2,000 flights between the church's tasks with the state known, 61 touched
-    something where 148 had been expected. None without a safety filter."""
+    """Collisions to be expected of noise along the first plan, at index 0, as J counts them (planner/terms/risk.py):
+    more than there will be, for what is near counts anew in each step. None without a safety filter."""
+    collision_probability: float | None = None
+    """Probability that a flight by the first plan touches something, at index 0 (planner/risk/probability.py). None
+    without a safety filter."""
     fallback: FallbackTrajectory | None = None
     """Fallback trajectory beside the plan; None without a safety filter, and where the robot holds."""
     apparent: Belief | None = None
     """Belief of the state that the field shows, without the map error (estimator/schmidt_kalman.py); None: `belief`,
     which has it."""
+    first_plan: Motion | None = None
+    """Plan from the given start to the goal, with which the flight began, at index 0; None at later ones."""
 
     @property
     def filter_belief(self) -> Belief:
@@ -139,6 +142,9 @@ class Episode:
     """State of the supervisor at each time; shorter where it is unknown."""
     late: tuple[int, ...] = ()
     """Time steps that passed while filter and planner were still at an earlier one, in real time."""
+    first_plan: Motion | None = None
+    """Plan with which the flight began, from the given start; `plans[0]` corrects it from the first belief. None in
+    files of versions that did not keep it."""
 
     @classmethod
     def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
@@ -158,6 +164,7 @@ class Episode:
             steps[-1].outcome or EpisodeOutcome.STOPPED,
             tuple(step.recovery for step in steps),
             tuple(step.index for step in steps if step.late),
+            steps[0].first_plan,
         )
 
     @property
@@ -229,6 +236,8 @@ class Episode:
             "filter_ms": self.filter_ms,
             "replan_ms": self.replan_ms,
         }
+        if self.first_plan is not None:
+            arrays |= _arrays("first_plan", self.first_plan.states) | {"first_plan.actions": self.first_plan.actions}
         about = {"format": FORMAT, "version": VERSION, "dt": self.dt, **self.metrics()}
         about["recovery_of_step"] = [None if kind is None else kind.name.lower() for kind in self.recoveries]
         about["late"] = list(self.late)
@@ -269,7 +278,13 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         EpisodeOutcome[about["outcome"].upper()],
         tuple(None if name is None else SupervisorState[name.upper()] for name in about.get("recovery_of_step", ())),
         tuple(about.get("late", ())),
+        _first_plan(stored, dt),
     )
+
+
+def _first_plan(stored: dict[str, Tensor], dt: float) -> Motion | None:
+    actions = stored.get("first_plan.actions")
+    return None if actions is None else Motion(_state("first_plan", stored), actions, dt)
 
 
 def _arrays(prefix: str, state: RigidState) -> dict[str, Tensor]:

@@ -32,6 +32,7 @@ from nerfnav.planner import (
     PlanProblem,
     PlanResult,
     RiskContext,
+    collision_probability,
     collision_probability_bound,
     fits,
 )
@@ -99,8 +100,13 @@ class SafetyFilter:
         """Check whether the fallback is flown in place of the plan: it is safe, and the plan is not."""
         return planned.outcome in _UNSAFE and fallback.safe and fallback.bound < self._bound(planned.motion)
 
+    def collision_probability(self, motion: Motion, tolerance: float = 0.0) -> float:
+        """Estimate the probability that a flight by a plan touches something before it is within `tolerance` [m] of the
+        end of the plan."""
+        return collision_probability(self.field, self.robot, motion, self.noise, tolerance)
+
     def expected_collisions(self, motion: Motion) -> float:
-        """Compute the expected number of collisions by noise along a plan."""
+        """Compute the expected number of collisions by noise along a plan, as J counts them: each step anew."""
         states = motion.states
         problem = PlanProblem(
             self.field, self.robot, states[0], states[-1], len(motion.actions), motion.dt, noise=self.noise

@@ -79,9 +79,9 @@ class NavigateConfig:
     """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
     timeout_factor: float = 2.0
     """TIMEOUT after this many times the planned steps; those in which the robot held count only beyond as many."""
-    most_hits: float | None = None
-    """TOO_RISKY, on the ground, where more collisions than this are expected of noise along the first plan, of a flight
-    with a safety filter; None: any number is accepted."""
+    most_risk: float | None = None
+    """TOO_RISKY, on the ground, where a flight by the first plan touches something with a higher probability than this,
+    in a flight with a safety filter; None: any probability is accepted."""
     recovery: SupervisorConfig = field(default_factory=SupervisorConfig)
     """Supervision of the belief; DIVERGED when it does not recover."""
     in_sight: float = 0.4

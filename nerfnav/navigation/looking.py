@@ -10,7 +10,8 @@ from functools import partial
 
 from torch import Tensor
 
-from nerfnav.geometry import so3
+from nerfnav.field import Field
+from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import NavigationStep
 from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import ActiveGoal, FlightContext
@@ -19,7 +20,7 @@ from nerfnav.planner import fits
 from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, limit_yaw_rate, wrap_yaw
 from nerfnav.planner.active_yaw import choose_headings as choose_plan_headings
 from nerfnav.planner.visibility import find_best_turn
-from nerfnav.robots import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot
 
 _ARRIVING = 0.8
 """Share of the remaining angle that is turned in a step."""
@@ -37,13 +38,19 @@ def choose_headings(
     `rest` begins at the believed state; it `leads` to the goal, else the path is taken to be straight. Headings stay
     as they are where visibility does not count.
     """
-    objective = _yaw_objective(flight)
+    return choose_route_headings(goal, here, rest, yaw_objective_of(flight), flight.simulator.robot, leads)
+
+
+def choose_route_headings(
+    goal: ActiveGoal, here: RigidState, rest: Motion, objective: YawObjective | None, robot: Robot, leads: bool = True
+) -> tuple[ActiveGoal, Motion]:
+    """Choose headings as `choose_headings` does, by an objective; None leaves them as they are."""
     if objective is None:
         return replace(goal, end=goal.goal), rest
     profile = objective.profile_along(rest.states if leads else RigidState.stack([here, goal.goal]))
     end = choose_goal_heading(objective, profile, (here, goal.plan_end))
     if leads:
-        turned = choose_plan_headings(objective, profile, rest, (here, goal.plan_end, end), flight.simulator.robot)
+        turned = choose_plan_headings(objective, profile, rest, (here, goal.plan_end, end), robot)
         if turned is not None:
             return replace(goal, end=turned.states[-1], keeps_headings=True), turned
     return replace(goal, end=end, keeps_headings=False), rest
@@ -51,19 +58,33 @@ def choose_headings(
 
 def predict_visibility(state: RigidState, flight: FlightContext) -> tuple[float, float]:
     """Predict the visibility from a state, as a share of what is enough, and the turn to a better heading [rad]."""
-    objective = _yaw_objective(flight)
+    objective = yaw_objective_of(flight)
     if objective is None:
         return 1.0, 0.0
     return find_best_turn(objective.matter, state, objective.enough, objective.mount)
 
 
-def _yaw_objective(flight: FlightContext) -> YawObjective | None:
-    """None where visibility does not count, and on the ground, where a turn takes room, or changes the path."""
-    field, enough, robot = flight.stack.camera_field, flight.config.in_sight, flight.simulator.robot
-    if field is None or enough == 0 or flight.config.open_loop or robot.planar:
+def make_yaw_objective(
+    camera_field: Field, solid: Field, robot: Robot, mount: Pose, enough: float
+) -> YawObjective | None:
+    """Make the objective of a robot whose camera, at `mount` T_body_camera, sees one field, and whose body fits in
+    another, `solid`.
+
+    None where visibility does not count (`enough` 0, see NavigateConfig.in_sight), and on the ground, where a turn
+    takes room, or changes the path.
+    """
+    if enough == 0 or robot.planar:
         return None
-    solid = field if flight.stack.safety_filter is None else flight.stack.safety_filter.field
-    return YawObjective(field, enough, flight.simulator.mount, partial(fits, solid, robot.body))
+    return YawObjective(camera_field, enough, mount, partial(fits, solid, robot.body))
+
+
+def yaw_objective_of(flight: FlightContext) -> YawObjective | None:
+    """Return the objective of a flight; None where visibility does not count."""
+    field, safety_filter = flight.stack.camera_field, flight.stack.safety_filter
+    if field is None:
+        return None
+    solid = field if safety_filter is None else safety_filter.field
+    return make_yaw_objective(field, solid, flight.simulator.robot, flight.simulator.mount, flight.config.in_sight)
 
 
 def command_yaw_rate(state: RigidState, aim: float | None, most: float, around: float, dt: float) -> float:
@@ -106,7 +127,7 @@ def hold_and_turn(
 def look_before_leaving(step: NavigationStep, memory: SupervisorMemory, flight: FlightContext) -> NavigationStep:
     """Return the first step of a flight: a robot that should see nothing from its start holds, BLIND, and turns."""
     mean = step.belief.mean
-    if step.outcome is not None or predict_visibility(mean, flight)[0] > _NOTHING:
+    if step.outcome is not None or flight.config.open_loop or predict_visibility(mean, flight)[0] > _NOTHING:
         return step
     plan = hold_and_turn(mean, step.plan, choose_turn(memory, flight, lost=False), flight)
     return replace(step, plan=plan, recovery=SupervisorState.BLIND)

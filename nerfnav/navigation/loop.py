@@ -1,6 +1,7 @@
 """Navigation loop, Algorithm 1 of the paper.
 
-    plan           from the start to the goal (A*, Eq. 2); take_off looks and plans again from the belief
+    plan           from the start to the goal (A*, Eq. 2), unless the plan is given; take_off looks, and corrects the
+                   plan by planning again from the belief
     repeat:
         act        first action of the plan
         look       picture of the robot's camera
@@ -30,6 +31,7 @@ from nerfnav.estimator import (
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import Episode, EpisodeOutcome, FlightStep, NavigationStep
+from nerfnav.navigation.first_plan import may_choose_headings, plan_first
 from nerfnav.navigation.flight import (
     ActiveGoal,
     FlightContext,
@@ -38,7 +40,13 @@ from nerfnav.navigation.flight import (
     NavigationStack,
     OperatorRequests,
 )
-from nerfnav.navigation.looking import choose_headings, choose_turn, hold_and_turn, look_before_leaving
+from nerfnav.navigation.looking import (
+    choose_headings,
+    choose_turn,
+    hold_and_turn,
+    look_before_leaving,
+    yaw_objective_of,
+)
 from nerfnav.navigation.realtime import fly_missed_steps, measure_time
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState, sees_little
@@ -87,17 +95,23 @@ def navigate(
 
 
 def plan(flight: FlightContext) -> Generator[PlanStep, None, NavigationStep]:
-    """Plan from the true start, which the user has chosen, to the goal; or take the plan of the request."""
+    """Plan from the true start, which the user has chosen, to the goal; or take the plan of the request.
+
+    It does not depend on the seed: that draws the first belief, from which take_off corrects the plan.
+    """
     request, start, initial = flight.request, flight.simulator.state, flight.config.initial
     belief = Belief(start.retract(initial.sample(flight.generator)), initial.covariance())
     motion, ms, outcome = request.plan, 0.0, None
     if motion is None:
         route = Route(start, request.goal, request.steps, request.dt)
-        planned, ms = yield from _run_planner(flight.stack.planner.plan(route), flight)
+        steps = plan_first(flight.stack.planner, route, flight.simulator.robot, yaw_objective_of(flight))
+        planned, ms = yield from _run_planner(steps, flight)
         motion = planned.motion
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
             outcome = EpisodeOutcome.NO_PLAN
-    return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, ms, outcome)
+    return NavigationStep(
+        0, 0.0, None, start, belief, None, None, motion, False, 0.0, ms, outcome, first_plan=motion
+    )
 
 
 def take_off(
@@ -107,14 +121,20 @@ def take_off(
     step, goal, config = first, ActiveGoal(flight.request.goal), flight.config
     if step.outcome is None and not config.open_loop:
         step = yield from _correct_at_rest(step, flight)
-        goal, rest = choose_headings(goal, step.truth, step.plan, flight)
-        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, rest.actions.shape[-2], flight)
+        rest = step.plan
+        if yaw_objective_of(flight) is not None and may_choose_headings(flight.stack.planner):
+            goal = replace(goal, end=rest.states[-1], keeps_headings=True)  # the first plan has chosen them
+        else:
+            goal, rest = choose_headings(goal, step.truth, rest, flight)
+        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, len(rest.actions), flight)
         step = replace(step, plan=planned.motion, replan_ms=first.replan_ms + ms)
-    safety_filter, most = flight.stack.safety_filter, config.most_hits
+    safety_filter, most = flight.stack.safety_filter, config.most_risk
     if step.outcome is None and safety_filter is not None:
         expected = safety_filter.expected_collisions(step.plan)
-        risky = most is not None and expected > most
-        step = replace(step, hits_expected=expected, outcome=EpisodeOutcome.TOO_RISKY if risky else None)
+        probability = safety_filter.collision_probability(step.plan, config.goal_tolerance_m)
+        risky = most is not None and probability > most
+        step = replace(step, hits_expected=expected, collision_probability=probability)
+        step = replace(step, outcome=EpisodeOutcome.TOO_RISKY if risky else None)
     return step, goal
 
 

@@ -14,6 +14,7 @@ from .objective.safety import downgrade_outcome as downgrade_outcome
 from .objective.safety import measure_clearance as measure_clearance
 from .planners import PLANNERS as PLANNERS
 from .planners.fast import FastPlanner as FastPlanner
+from .planners.planner import RISK as RISK
 from .planners.planner import FieldPlanner as FieldPlanner
 from .planners.planner import InteractivePlanner as InteractivePlanner
 from .planners.planner import Planner as Planner
@@ -29,6 +30,8 @@ from .risk.collision_map import CollisionMap as CollisionMap
 from .risk.costs import CostWeights as CostWeights
 from .risk.costs import collision_per_step as collision_per_step
 from .risk.costs import collision_probability_bound as collision_probability_bound
+from .risk.probability import ProbabilityConfig as ProbabilityConfig
+from .risk.probability import collision_probability as collision_probability
 from .risk.tracking_error import RiskContext as RiskContext
 from .solvers.adam import PlanConfig as PlanConfig
 from .solvers.adam import plan as plan

@@ -137,7 +137,7 @@ def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(
     assert plan is not None and plan.latest is not None and place is not None
     drawn = plan.latest.motion.states.position.numpy()
     assert "safety" in plan.summary, "nobody has judged it"
-    scratch = make_plan(plan_request(session.plan_settings, session.ends, session.choice.planner, None), place)
+    scratch = make_plan(plan_request(session.new_plan(session.ends), Resources(place)), place)
     assert plan.latest.cost.total <= 1.02 * scratch.steps[-1].cost.total
     tab.until(lambda: tab.says("Planned: "), "the page does not say how good it is")
     tab.until(lambda: tab.shows("/plan/line", drawn), "another plan is shown")

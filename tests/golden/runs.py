@@ -18,6 +18,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,15 @@ def room_for(robot: str, field: Any) -> p.Place:
 
 
 def plan_requests() -> dict[str, tuple[str, p.PlanRequest]]:
-    """The golden plans: the robot and the request of each."""
+    """The golden plans: the robot and the request of each, with the cost of its settings alone, as --paper-cost has."""
+    return {name: (robot, _own_cost(request)) for name, (robot, request) in _plan_requests().items()}
+
+
+def _own_cost(request: p.PlanRequest) -> p.PlanRequest:
+    return replace(request, again=request.settings, flight=p.NavigateConfig(in_sight=0.0))
+
+
+def _plan_requests() -> dict[str, tuple[str, p.PlanRequest]]:
     paper, careful = p.PlanConfig(iterations=12), _with_risk(p.FastPlanConfig())
     return {
         "fast quadrotor": ("quadrotor", p.PlanRequest(_ENDS)),
@@ -93,15 +102,16 @@ def flight_requests() -> dict[str, tuple[str, p.FlyRequest]]:
 
     return {
         "fast filter in the physical world": ("quadrotor", p.FlyRequest(
-            route(steps=14), seed=1, world="physical", operator=p.ordered(disturbed),
+            route(steps=14, world="physical"), seed=1, operator=p.ordered(disturbed),
         )),
         "paper planner and filter": ("quadrotor", p.FlyRequest(
-            route(planner="paper", config=paper, again=again), estimator="paper", seed=2,
-            config=p.NavigateConfig(filter=quick, timeout_factor=0.7),
+            route(
+                planner="paper", config=paper, again=again, flight=p.NavigateConfig(filter=quick, timeout_factor=0.7)
+            ), estimator="paper", seed=2,
         )),
         "open loop": ("quadrotor", p.FlyRequest(route(), open_loop=True, seed=3)),
         "carried away and found again": ("quadrotor", p.FlyRequest(
-            route(), seed=4, operator=p.ordered(sample_kidnap_pose), config=p.NavigateConfig(timeout_factor=1.5),
+            route(flight=p.NavigateConfig(timeout_factor=1.5)), seed=4, operator=p.ordered(sample_kidnap_pose),
         )),
         "wheels": ("diffdrive", p.FlyRequest(route(ends=_GROUND, steps=18), seed=5)),
     }  # fmt: skip

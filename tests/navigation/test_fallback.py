@@ -124,11 +124,12 @@ def test_a_robot_does_not_take_off_where_no_way_is_safe_enough_and_says_what_the
         world = simulator()
         world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
         stack = NavigationStack(StraightPlanner(), Oracle(world), safety_filter=SafetyFilter(CLOSED, ROBOT))
-        config = replace(CONFIG, most_hits=most)
+        config = replace(CONFIG, most_risk=most)
         events = navigate(FlightRequest(GOAL, steps=16), world, stack, config, draws(0))
         return [event for event in events if isinstance(event, NavigationStep)]
 
     (start,) = flown(0.5)
     assert start.outcome is EpisodeOutcome.TOO_RISKY
     assert start.hits_expected is not None and start.hits_expected > 0.5
-    assert len(flown(start.hits_expected + 0.01)) > 1
+    assert start.collision_probability is not None and start.collision_probability > 0.5
+    assert len(flown(1.0)) > 1

@@ -19,7 +19,7 @@ from nerfnav.planner.planners.planner import RISK, with_risk
 from nerfnav.planner.risk.collision_map import CollisionMap
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import RiskContext, tracking_deviations
-from nerfnav.planner.solvers.chance_constraint import bound_risk, enforce_chance_constraint
+from nerfnav.planner.solvers.chance_constraint import enforce_chance_constraint, estimate_risk
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
@@ -289,7 +289,7 @@ def test_where_noise_makes_every_path_too_risky_the_plan_says_so_and_is_the_leas
     first = planned(problem, CAREFUL)
     last = run_steps(enforce_chance_constraint(problem, first, CAREFUL, 0.05))
     assert last.outcome is PlanOutcome.TOO_RISKY
-    least, begun = (bound_risk(problem, step, CAREFUL.weights) for step in (last, first))
+    least, begun = (estimate_risk(problem, step, CAREFUL.weights) for step in (last, first))
     assert 0.05 < least <= begun
     little = StateNoise(0.001, 0.001, 0.001, 0.001)
     calm = replace(problem, noise=NoiseModel(little, little))

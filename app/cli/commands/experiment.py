@@ -21,7 +21,7 @@ class Arguments(ExperimentOptions, Output):
     """Flights: start and goal of the tasks in turn, random ones, or both in turn (default: both)."""
     world: WorldName | None = None
     """Flights: the paper's noise, or motors, drag, wind and late pictures (default: paper)."""
-    risk: float | None = None
+    risk_weight: float | None = None
     """Flights: cost of a collision by noise [J], as in `fly`; 0 plans without noise."""
     truth: bool = False
     """Flights: fly each a second time with the true state, to show what noise alone costs."""
@@ -48,7 +48,7 @@ def run(arguments: Arguments) -> None:
 
 def _options(arguments: Arguments) -> FlightOptions | None:
     """Options of whole flights; None where none was given."""
-    given = arguments.ends, arguments.world, arguments.risk, arguments.robot
+    given = arguments.ends, arguments.world, arguments.risk_weight, arguments.robot
     if all(option is None for option in given) and not arguments.truth:
         return None
     ends, world, risk, robot = given

@@ -62,16 +62,12 @@ def run(arguments: Any) -> None:
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
-    again = arguments.replan_settings(asked.plan, asked.replan)
-    route = replace(arguments.request(place, asked.plan), again=again)
     request = FlyRequest(
-        route,
+        arguments.request(place, asked.plan, asked.replan, config, arguments.world),
         estimator=arguments.estimator,
         open_loop=arguments.open_loop,
         seed=arguments.seed,
-        world=arguments.world,
         realtime=arguments.realtime,
-        config=config,
         source=arguments.place,
         task=arguments.task_name(place),
         out=arguments.out or RunStore().new(place.name),

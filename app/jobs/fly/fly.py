@@ -1,5 +1,6 @@
 """Fly job: Algorithm 1 in a simulated world, from a plan to an episode, its numbers, its files and its run metadata."""
 
+from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,11 +8,12 @@ from typing import Any
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode, NavigationStep
-from nerfnav.planner import FLYABLE, PlanResult, PlanStep
-from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav.planner import FLYABLE, PlanOutcome, PlanResult
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.export.recording import TRAJECTORY
 from nerfnav_app.jobs.fly.request import FlyRequest, GoalRecorder
-from nerfnav_app.jobs.fly.setup import begin, set_duration
+from nerfnav_app.jobs.fly.setup import begin
+from nerfnav_app.jobs.plan.plan import plan_steps
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder, write_text
 from nerfnav_app.storage.run_metadata import RunMetadata
@@ -33,8 +35,8 @@ def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     )
 
 
-def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
-    """Describe a flight for the run store before it is flown."""
+def metadata_of(request: FlyRequest, place: Place, dt: float) -> RunMetadata:
+    """Describe a flight in steps of `dt` [s] for the run store before it is flown."""
     route = request.route
     return RunMetadata(
         place=place.name,
@@ -43,10 +45,10 @@ def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
         planner=route.planner,
         estimator=request.estimator,
         seed=request.seed,
-        dt=route.dt,
+        dt=dt,
         ends=route.ends,
         task=request.task,
-        open_loop=request.open_loop or request.config.open_loop,
+        open_loop=request.open_loop or route.flight.open_loop,
         unknown=route.unknown.value,
     )
 
@@ -58,26 +60,26 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     Raises NerfnavError where the request cannot be worked with.
     """
     out = None if request.out is None else prepare_folder(request.out)
-    yield Progress("finding a way", 0.0)
+    plan = request.plan
+    if plan is None:
+        yield Progress("finding a way", 0.0)
+        planned = yield from _first_plan(request, place)
+        if planned is None or (request.cautious and planned.outcome not in FLYABLE):
+            return JobResult({} if planned is None else {"outcome": planned.outcome.name.lower()})
+        plan = None if planned.outcome is PlanOutcome.NO_PATH else planned.motion
     operator = GoalRecorder(request.operator)
-    request = set_duration(replace(request, operator=operator), place)
-    flown: list[NavigationStep] = []
-    with open_step_log(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:
-        for event in begin(request, place):
+    request, flown = replace(request, operator=operator), list[NavigationStep]()
+    steps = request.route.steps if plan is None else len(plan.actions)
+    about = metadata_of(request, place, request.route.dt if plan is None else plan.dt)
+    with open_step_log(out, about, lambda episode: summary_of(episode, place)) as log:
+        for event in begin(request, plan, place):
             if log is not None and isinstance(event, NavigationStep):
                 log.append(event)
                 log.note_goal(operator.goal)
             stop = yield event
             if isinstance(event, NavigationStep):
                 flown.append(event)
-                stop = (yield Progress("flying", min(1.0, event.index / request.route.steps))) or stop
-            elif isinstance(event, PlanStep) and not flown:
-                fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
-                stop = (yield Progress("optimising the first plan", fraction)) or stop
-                if isinstance(event, PlanResult) and request.plan is None:
-                    if request.cautious and event.outcome not in FLYABLE:
-                        return JobResult({"outcome": event.outcome.name.lower()})
-                    request = replace(request, plan=event.motion)  # what follows is planned again from the belief
+                stop = (yield Progress("flying", min(1.0, event.index / steps))) or stop
             elif isinstance(event, RelocaliseStep):
                 stop = (yield Progress("looking everywhere for the robot", event.fraction)) or stop
             if stop and flown:
@@ -85,3 +87,18 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     episode = Episode.of(flown)
     summary = summary_of(episode, place)
     return JobResult(summary, () if out is None else save(out, episode, place))
+
+
+def _first_plan(request: FlyRequest, place: Place) -> Generator[JobEvent, bool | None, PlanResult | None]:
+    """Make the first plan, which is the one that `nerfnav plan` makes; None where the flight is stopped before."""
+    steps, iterations = plan_steps(request.route, place), request.route.settings.iterations
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            yield end.value
+            return end.value
+        stop = yield step
+        stop = (yield Progress("optimising the first plan", min(1.0, (step.iteration + 1) / iterations))) or stop
+        if stop:
+            return None

@@ -1,10 +1,10 @@
 """Request of a flight: its route, estimator, seed and noise, and where its log goes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-from nerfnav.navigation import NavigateConfig, OperatorRequests, WorldName
+from nerfnav.navigation import OperatorRequests
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.jobs.plan.plan import PlanRequest
 
@@ -14,9 +14,9 @@ class FlyRequest:
     """Request of the fly job."""
 
     route: PlanRequest
-    """Ends of the flight, and settings of its plans; its `out` is not used."""
+    """Request of its first plan: ends, settings, configuration and world; its `out` is not used."""
     plan: Motion | None = None
-    """First plan from the start to the goal, where it is already made."""
+    """That plan, where it is already made."""
     cautious: bool = False
     """Whether the robot stays on the ground where its first plan is not to be flown: the page asks the user then."""
     estimator: str = "fast"
@@ -25,12 +25,8 @@ class FlyRequest:
     """Fly the first plan blindly."""
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
-    world: WorldName = "paper"
-    """The paper's noise, or the physical world, which has no use for the noise of `config`."""
     realtime: bool = False
     """Whether the world goes on while filter and planner compute."""
-    config: NavigateConfig = field(default_factory=NavigateConfig)
-    """Configuration of the flight."""
     operator: Callable[[], OperatorRequests] = OperatorRequests
     """Called once before each time step."""
     source: str = ""

@@ -13,30 +13,27 @@ from nerfnav.navigation import (
     FlightStep,
     NavigationStack,
     Simulator,
-    build_safe_planner,
     compensate_latency,
     navigate,
     world_generator,
 )
-from nerfnav.planner import planners
+from nerfnav.robots import Motion
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.fly.simulated_world import camera_function, contact_function, warm_up_filter
-from nerfnav_app.jobs.plan.plan import timing_for
-from nerfnav_app.places.derived import build_occupancy, build_searcher, prepare_place
+from nerfnav_app.jobs.plan.plan import make_planner
+from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place
 
 
-def begin(request: FlyRequest, place: Place) -> Generator[FlightStep, None, Episode]:
-    """Begin a flight in a simulator of the place. Raises NerfnavError for unknown names."""
-    route, planned = request.route, prepare_place(place, request.route.unknown)
-    robot, world = place.robot, WORLDS[request.world]
+def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[FlightStep, None, Episode]:
+    """Begin a flight by its first plan, or without one where no path was found, in a simulator of the place.
+
+    Raises NerfnavError for unknown names.
+    """
+    route, robot, world = request.route, place.robot, WORLDS[request.route.world]
     estimator = estimators.load(request.estimator)
-    occupancy = build_occupancy(planned, route.settings.occupancy, route.ends.start.position[2])
-    config = world.configure(replace(request.config, open_loop=request.open_loop or request.config.open_loop))
-    planner, safety_filter = build_safe_planner(
-        planners.load(route.planner), planned.field, occupancy, world.planning_robot(robot), route.settings,
-        config.noise, route.again,
-    )  # fmt: skip
+    config = world.configure(replace(route.flight, open_loop=request.open_loop or route.flight.open_loop))
+    planner, safety_filter = make_planner(route, place)
     config = replace(config, filter=_configure_filter(config.filter, place))
     stack = NavigationStack(
         planner,
@@ -54,26 +51,10 @@ def begin(request: FlyRequest, place: Place) -> Generator[FlightStep, None, Epis
     if request.realtime:  # the first update of a process takes seconds, for which no robot waits on the ground
         for _ in warm_up_filter(place, simulator.state):
             pass
-    flight = FlightRequest(
-        route.ends.goal.state(), route.steps, route.dt, request.plan, request.operator, request.realtime
-    )
+    steps, dt = (route.steps, route.dt) if plan is None else (len(plan.actions), plan.dt)
+    goal = route.ends.goal.state()
+    flight = FlightRequest(goal, steps, dt, plan, request.operator, request.realtime)
     return navigate(flight, simulator, stack, config, torch.Generator().manual_seed(request.seed))
-
-
-def set_duration(request: FlyRequest, place: Place) -> FlyRequest:
-    """Set the number of steps to that of the first plan, or, where a duration is to be found, estimate it."""
-    route, plan = request.route, request.plan
-    if plan is not None:
-        return replace(request, route=replace(route, steps=plan.actions.shape[-2], dt=plan.dt))
-    if not route.shortest:
-        return request
-    planned = prepare_place(place, route.unknown)
-    occupancy = build_occupancy(planned, route.settings.occupancy, route.ends.start.position[2])
-    planned = replace(planned, robot=WORLDS[request.world].planning_robot(place.robot))
-    settings = route.again or planners.load(route.planner).again(route.settings)  # with the risk that flights count
-    # the loop looks around at each step: their length stays
-    timing = timing_for(replace(route, config=settings), planned, occupancy, keep_dt=True)
-    return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 
 
 def _configure_filter(config: FilterConfig, place: Place) -> FilterConfig:

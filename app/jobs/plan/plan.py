@@ -1,36 +1,38 @@
 """Plan: from a start and a goal to a trajectory through the field, judged on the mesh; and the request of one."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, require_positive, require_probability
 from nerfnav.field import UnknownSpace
+from nerfnav.navigation import (
+    NavigateConfig,
+    SafetyFilter,
+    WorldName,
+    build_safe_planner,
+    estimate_flight_time,
+    make_yaw_objective,
+    plan_first,
+)
 from nerfnav.planner import (
     FLYABLE,
     FastPlanConfig,
     InteractivePlanner,
-    OccupancyMap,
     Planner,
     PlannerConfig,
-    PlannerEntry,
     PlanOutcome,
     PlanProblem,
     PlanSteps,
     Route,
-    SearchConfig,
-    Timing,
+    collision_probability,
     enforce_chance_constraint,
-    estimate_timing,
-    find_shortest_plan,
-    map_for,
-    path_length,
     planners,
 )
-from nerfnav.robots import Motion
+from nerfnav.robots import Motion, NoiseModel
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
-from nerfnav_app.jobs.plan.report import mesh_overlap_m3, save, summary_of
-from nerfnav_app.places.derived import build_occupancy, prepare_place
+from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summary_of
+from nerfnav_app.places.derived import build_occupancy, planning_robot, prepare_place
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder
@@ -51,13 +53,19 @@ class PlanRequest:
     config: PlannerConfig | None = None
     """Its settings; None: its own."""
     again: PlannerConfig | None = None
-    """Its settings when it replans in flight; None: the above with room for disturbances."""
+    """Its settings when it replans in flight; None: the above with the risk of noise, or with room for it. Their
+    weight of risk is that of the first plan too."""
+    flight: NavigateConfig = field(default_factory=NavigateConfig)
+    """Configuration of the flight that the plan is for, its noise among it."""
+    world: WorldName = "paper"
+    """World of that flight: the paper's noise, or the physical one, which has no use for the noise of `flight`."""
     keep_dt: bool = False
     """Keep this length of steps where a duration is found, however many they are."""
     shortest: bool = False
     """Find the shortest duration that keeps the robot's limits, in place of `steps`."""
     max_collision: float | None = None
-    """Largest bound on the probability of a collision that is accepted; None accepts any."""
+    """Largest probability of a collision that is accepted: of a flight in noise, or by the paper's cost the bound of
+    Eq. 1; None accepts any."""
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """State of space that no camera saw into, for planners."""
     draft: bool = False
@@ -81,6 +89,12 @@ class PlanRequest:
                 raise InvalidInputError(f"these settings are not those of the planner {self.planner!r}: leave them out")
         return own if self.config is None else self.config
 
+    @property
+    def flight_settings(self) -> PlannerConfig:
+        """Settings with the weight of risk that the plans of a flight have."""
+        again = self.again or planners.load(self.planner).again(self.settings)
+        return replace(self.settings, weights=replace(self.settings.weights, risk=again.weights.risk))
+
     def lasting(self, seconds: float) -> "PlanRequest":
         """The same in a given time [s], cut into whole steps of about dt. Raises InvalidInputError for none."""
         require_positive(duration=seconds)
@@ -93,10 +107,10 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 
     Raises NerfnavError where the request cannot be worked with.
     """
-    entry, place = planners.load(request.planner), prepare_place(place, request.unknown)
+    planning = prepare_place(place, request.unknown)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    steps, planned, worked_s = _optimise(request, place, entry), None, 0.0
+    steps, planned, worked_s = plan_steps(request, place), None, 0.0
     while planned is None:
         began = time.perf_counter()
         try:
@@ -113,38 +127,53 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     if overlap and planned.outcome in FLYABLE:
         planned = replace(planned, outcome=PlanOutcome.TOUCHES_MESH)
         yield planned
-    summary = summary_of(planned, place, worked_s, overlap, request.max_collision, request.settings.weights.risk)
-    return JobResult(summary, () if out is None else save(out, planned.motion, place, summary, request.unknown))
+    summary = summary_of(planned, planning, worked_s, overlap, _risk_of(planned.motion, request, place))
+    return JobResult(summary, () if out is None else save(out, planned.motion, planning, summary, request.unknown))
 
 
-def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep_dt: bool = False) -> Timing:
-    """Estimate the time that a path takes, before it is planned; with `keep_dt`, in steps of the requested length."""
-    problem = PlanProblem(place.field, place.robot, request.ends.start.state(), request.ends.goal.state())
-    search = getattr(request.settings, "ways", SearchConfig.single())
-    length = path_length(problem, map_for(problem, occupancy), search)
-    return estimate_timing(place.robot, length, request.dt, request.dt if keep_dt or request.keep_dt else None)
+def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
+    """Estimate the risk of a flight of the request by its plan."""
+    field, robot = prepare_place(place, request.unknown).field, planning_robot(place.robot, request.world)
+    flight = request.flight
+    probability = collision_probability(field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m)
+    return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
 
 
-def _optimise(request: PlanRequest, place: Place, entry: PlannerEntry) -> PlanSteps:
-    """Plan as often as the request needs: for the duration, then for the bound on collisions."""
-    occupancy = build_occupancy(place, request.settings.occupancy, request.ends.start.position[2])
-    occupancy = occupancy.remembering() if request.shortest and not request.draft else occupancy
-    finder = entry.planner(place.field, place.robot, request.settings, occupancy=occupancy)
+def make_planner(request: PlanRequest, place: Place) -> tuple[Planner, SafetyFilter | None]:
+    """Make the planner of the request's flight, which makes its first plan too, and the safety filter."""
+    planning = prepare_place(place, request.unknown)
+    occupancy = build_occupancy(planning, request.settings.occupancy, request.ends.start.position[2])
+    return build_safe_planner(
+        planners.load(request.planner), planning.field, occupancy.remembering(),
+        planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.again,
+    )  # fmt: skip
+
+
+def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
+    """Plan as often as the request needs: for the duration, for what the camera sees, for the bound on collisions.
+
+    This is the first plan of a flight by the same request.
+    """
+    planner, _ = make_planner(request, place)
     if request.draft:
-        return (yield from _draft(request, finder))
-    start, goal, dt = request.ends.start.state(), request.ends.goal.state(), request.dt
-    if request.shortest:
-        timing = timing_for(request, place, occupancy)
-        dt = timing.dt
-        steps = find_shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot, timing.config)
-    else:
-        steps = finder.plan(Route(start, goal, request.steps, dt))
-    planned = yield from steps
+        return (yield from _draft(request, planner))
+    planning, robot = prepare_place(place, request.unknown), planning_robot(place.robot, request.world)
+    route = Route(request.ends.start.state(), request.ends.goal.state(), request.steps, request.dt)
+    objective = make_yaw_objective(place.field, planning.field, robot, place.robot.mount, request.flight.in_sight)
+    problem = PlanProblem(
+        planning.field, robot, route.start, route.goal, route.steps, route.dt, noise=NoiseModel(request.flight.noise)
+    )
+    occupancy = build_occupancy(planning, request.settings.occupancy, request.ends.start.position[2])
+    settings = request.flight_settings
+    longest_dt = request.dt if request.keep_dt else None
+    timing = estimate_flight_time(problem, occupancy, settings, longest_dt) if request.shortest else None
+    planned = yield from plan_first(planner, route, robot, objective, timing)
     if request.max_collision is None:
         return planned
-    problem = PlanProblem(place.field, place.robot, start, goal, planned.trajectory.steps, dt)
-    careful = FastPlanConfig(weights=request.settings.weights, occupancy=request.settings.occupancy)
-    return (yield from enforce_chance_constraint(problem, planned, careful, request.max_collision, occupancy))
+    problem = replace(problem, steps=planned.trajectory.steps, dt=planned.motion.dt)
+    careful = FastPlanConfig(weights=settings.weights, occupancy=settings.occupancy)
+    most, tolerance = request.max_collision, request.flight.goal_tolerance_m
+    return (yield from enforce_chance_constraint(problem, planned, careful, most, occupancy, tolerance))
 
 
 def _draft(request: PlanRequest, planner: Planner) -> PlanSteps:

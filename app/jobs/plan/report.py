@@ -1,15 +1,28 @@
 """Report of a plan: cost, limits of the robot, collision bound in the field, overlap with the mesh."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from nerfnav.export import csv_text, json_text, motion_table
 from nerfnav.field import UnknownSpace
 from nerfnav.planner import PlanCost, PlanOutcome, PlanResult, Safety, assess_safety
+from nerfnav.planner.risk.probability import RESOLUTION
 from nerfnav.robots import Motion, limit_uses
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import json_line, write_text
+
+
+@dataclass(frozen=True)
+class PlanRisk:
+    """Risk of a plan: the probability that a flight by it touches something, and what the request says of it."""
+
+    probability: float
+    """By sampled flights in the noise of the request (nerfnav/planner/risk/probability.py)."""
+    weight: float
+    """Cost of a collision by noise in J [J]; 0 for the paper's cost."""
+    most: float | None
+    """Largest probability that the request accepts; None accepts any."""
 
 
 def summary_of(
@@ -17,10 +30,9 @@ def summary_of(
     place: Place,
     wall_s: float,
     overlap_m3: float | None,
-    max_collision: float | None = None,
-    risk: float = 0.0,
+    risk: PlanRisk,
 ) -> dict[str, Any]:
-    """Numbers of `plan --json`, of the result of a planner whose J weighed collisions by noise with `risk`."""
+    """Numbers of `plan --json`."""
     motion = planned.motion
     safety = assess_safety(place.field, motion, place.robot.body)
     return {
@@ -29,12 +41,13 @@ def summary_of(
         "wall_s": wall_s,
         "cost": _cost(planned.cost),
         "collision_probability_bound": safety.bound,
+        "collision_probability": risk.probability,
         "mesh_overlap_m3": overlap_m3,
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
         "duration_s": motion.actions.shape[-2] * motion.dt,
         "limits": _limits(place, motion),
-        "safety": _safety(safety, planned, max_collision, risk),
+        "safety": _safety(safety, planned, risk),
     }
 
 
@@ -59,19 +72,18 @@ def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def _safety(safety: Safety, planned: PlanResult, max_collision: float | None, risk: float) -> dict[str, Any]:
-    """Bound on collisions in the field, and by how much it exceeds the limit of the request."""
+def _safety(safety: Safety, planned: PlanResult, risk: PlanRisk) -> dict[str, Any]:
+    """Bound on collisions in the field, and by how much the risk exceeds the limit of the request."""
     numbers: dict[str, Any] = {
         "bound": safety.bound,
         "bound_per_step_max": safety.per_step.max().item(),
         "min_clearance_m": safety.min_clearance_m,
         "worst_step": safety.worst_step,
     }
-    by_noise = planned.cost.risk / risk if risk else 0.0
-    if risk:
-        numbers["expected_by_noise"] = by_noise
-    if planned.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
-        numbers["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
+    if risk.weight:
+        numbers["expected_by_noise"] = planned.cost.risk / risk.weight
+    if planned.outcome is PlanOutcome.TOO_RISKY and risk.most is not None:
+        numbers["missed_by"] = (max(risk.probability, RESOLUTION) if risk.weight else safety.bound) - risk.most
     return numbers
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from typing import ClassVar
 
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_risk
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
@@ -19,6 +20,7 @@ class FastPlanner(FieldPlanner):
     """Settings of the first plan."""
     again: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
     """Settings with which the plan is redone at each time step."""
+    keeps_headings: ClassVar[bool] = True
 
     def plan(self, route: Route) -> PlanSteps:
         """Plan from scratch, see Planner."""

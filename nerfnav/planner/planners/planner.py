@@ -89,6 +89,8 @@ class FieldPlanner:
     """Noise of the flight, for plans that count risk."""
     occupancy: OccupancyMap | None = dataclasses.field(default=None, kw_only=True)
     """Saves making the map of the field again where the caller has it."""
+    keeps_headings: ClassVar[bool] = False
+    """True if it follows `Route.keeps_headings`: a first plan may then choose headings for what the camera sees."""
 
     def problem(self, route: Route) -> PlanProblem:
         """Return the problem of planning from scratch."""

@@ -118,5 +118,5 @@ def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]
 def require_map_memory(needed: float, what: str) -> None:
     """Refuse chances, or obstacles to make them of, that the memory cannot hold: `needed` bytes, for `what` of them."""
     require_memory(
-        needed, f"the chance that noise pushes a robot into something, {what},", "plan without risk (--risk 0)"
+        needed, f"the chance that noise pushes a robot into something, {what},", "plan without risk (--risk-weight 0)"
     )

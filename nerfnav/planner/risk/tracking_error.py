@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from nerfnav.robots import PAPER_NOISE, POSITION, TANGENT, NoiseModel, RigidState, Robot
 
 _REACHES = 1e-9
-"""Change of the position [m] by a unit of action that counts as none."""
+"""Change of a number of the state by a unit of action that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,29 @@ def tracking_deviations(robot: Robot, dt: float, noise: NoiseModel) -> tuple[Dev
     Axes that actions do not reach at rest, such as a cart's to the side, count as reached in the fewest steps that the
     robot can plan.
     """
-    by_state, reach = _linearise(robot, dt)
+    by_state, degrees = relative_degrees(robot, dt)
     process, covariance = (part.covariance(torch.float64) for part in (noise.process, noise.estimate))
-    variances, unreached = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.bool)
+    degrees, variances = degrees[POSITION], torch.zeros(3, dtype=torch.float64)
     deviations: list[Deviation] = []
-    while unreached.any() and len(deviations) < robot.minimum_steps:
+    for step in range(1, int(degrees.max()) + 1):
         covariance = by_state @ covariance @ by_state.T + process
-        variances[unreached] = covariance.diagonal()[POSITION][unreached]
+        variances = torch.where(degrees >= step, covariance.diagonal()[POSITION], variances)
         deviations.append(Deviation(variances[:2].amax().sqrt().item(), variances[2].sqrt().item()))
-        unreached = unreached & (reach[POSITION].abs().amax(-1) <= _REACHES)
-        reach = by_state @ reach
     return tuple(deviations)
+
+
+@lru_cache(maxsize=32)
+def relative_degrees(robot: Robot, dt: float) -> tuple[Float[Tensor, "12 12"], Int[Tensor, "12"]]:
+    """Compute A and the relative degree d of each number of the tangent, at rest, in steps of `dt` [s].
+
+    What actions do not reach counts as reached in the fewest steps that the robot can plan.
+    """
+    by_state, reach = _linearise(robot, dt)
+    degrees = torch.full((TANGENT,), robot.minimum_steps)
+    for step in range(robot.minimum_steps, 0, -1):
+        reached = (torch.linalg.matrix_power(by_state, step - 1) @ reach).abs().amax(-1) > _REACHES
+        degrees[reached] = step
+    return by_state, degrees
 
 
 def _linearise(robot: Robot, dt: float) -> tuple[Float[Tensor, "12 12"], Float[Tensor, "12 a"]]:

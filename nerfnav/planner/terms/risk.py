@@ -9,6 +9,8 @@ taken.
 When the arrival is put off at each step (a receding horizon that has reached its shortest), a sum over steps would be
 least for a robot that waits outside of a strait for ever. There the same counts by distance, sum_t c_t s_t / pace,
 with s_t the length of the step: waiting neither costs nor helps.
+
+It is a cost, and no probability: what is near counts anew in each step. risk/probability.py has the probability.
 """
 
 import math

@@ -16,9 +16,10 @@ import trimesh
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.navigation.episode import Episode
-from nerfnav.planner import planners
+from nerfnav.planner import RISK, planners
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.paper import PaperPlanner
+from nerfnav.planner.risk.probability import RESOLUTION
 from nerfnav_app.cli.main import COMMANDS, main, parse
 from nerfnav_app.jobs.events import JobEvents
 from nerfnav_app.jobs.fly.request import FlyRequest
@@ -146,6 +147,7 @@ def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
         "wall_s": None,
         "cost": {"collision": None, "control": None, "total": None},
         "collision_probability_bound": None,
+        "collision_probability": None,
         "mesh_overlap_m3": None,
         "max_thrust_n": None,
         "max_body_rate": None,
@@ -237,15 +239,18 @@ def test_a_bound_that_cannot_be_met_is_said_to_be_missed_by_how_much(field_file:
     assert safe["outcome"] == "converged" and safe["collision_probability_bound"] <= 0.5
     risky = printed([*words, "1e-12"], capsys)
     assert risky["outcome"] == "too_risky"
-    assert risky["safety"]["missed_by"] == pytest.approx(risky["collision_probability_bound"], rel=1e-6)
+    assert risky["safety"]["missed_by"] == pytest.approx(max(risky["collision_probability"], RESOLUTION), rel=1e-6)
 
 
-def test_what_noise_may_do_counts_in_a_plan_where_that_is_asked(field_file: Path, capsys: Capture) -> None:
+def test_noise_counts_in_a_plan_unless_the_cost_of_the_paper_is_asked_for(field_file: Path, capsys: Capture) -> None:
     words = ["plan", str(field_file), *FROM, *TO]
-    calm, careful = printed(words, capsys), printed([*words, "--risk", "30"], capsys)
+    calm, careful = printed([*words, "--paper-cost"], capsys), printed([*words, "--risk-weight", "30"], capsys)
     assert "risk" not in calm["cost"] and "expected_by_noise" not in calm["safety"]
     assert careful["cost"]["risk"] == pytest.approx(30 * careful["safety"]["expected_by_noise"])
-    assert "risk must be a number, at least 0, not -1" in refused([*words, "--risk", "-1"], capsys)
+    default = printed(words, capsys)
+    assert default["cost"]["risk"] == pytest.approx(RISK * default["safety"]["expected_by_noise"])
+    assert "--risk-weight must be a number, at least 0, not -1" in refused([*words, "--risk-weight", "-1"], capsys)
+    assert "leave out --risk-weight" in refused([*words, "--risk-weight", "1", "--paper-cost"], capsys)
 
 
 def test_without_json_a_plan_is_told_in_words(field_file: Path, capsys: Capture) -> None:

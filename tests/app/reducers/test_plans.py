@@ -23,7 +23,7 @@ from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.place import Choice
-from nerfnav_app.state.plan import AllowTime, DeclineFlight, RestoreWeights
+from nerfnav_app.state.plan import AllowTime, DeclineFlight, PlanRecord, RestoreWeights
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import ViewSettings
 from tests.app.doubles import flight_step, plan_step
@@ -58,16 +58,17 @@ def kinds(queries: Iterable[Any]) -> set[type]:
 def test_a_hand_that_moves_an_end_is_followed_by_drafts_and_nothing_comes_in_between(opened: Session) -> None:
     moving = after(well_planned(opened), held(THERE))
     asked = asked_of(moving)
-    assert asked.draft and asked.last is moving.plan.latest.motion  # type: ignore[union-attr]
+    assert asked.record.draft and asked.last is moving.plan.latest.motion  # type: ignore[union-attr]
     assert RobotViewQuery not in kinds(pending_queries(moving))
-    draft = after(moving, m.QueryAnswered(asked, SessionPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),))))
+    answer = SessionPlan((plan_step(asked.record.ends, 0, PlanOutcome.CONVERGED),))
+    draft = after(moving, m.QueryAnswered(asked, answer))
     assert draft.plan is not None and draft.plan.draft and not draft.plan_is_stale
     assert draft.fresh_plan is None, "nobody has judged it"
     assert FollowingPlanQuery not in kinds(pending_queries(draft)), "it waits for the hand"
     let_go = after(draft, replace(THERE, held=False))
     final = asked_of(let_go)
-    assert not final.draft
-    done = after(let_go, m.QueryAnswered(final, SessionPlan((plan_step(final.ends, 0, PlanOutcome.CONVERGED),))))
+    assert not final.record.draft
+    done = after(let_go, m.QueryAnswered(final, SessionPlan((plan_step(final.record.ends, 0, PlanOutcome.CONVERGED),))))
     assert done.fresh_plan is done.plan is not None and not done.replaying
 
 
@@ -75,10 +76,10 @@ def test_a_plan_for_slightly_earlier_ends_is_newer_than_what_stands(opened: Sess
     first = after(well_planned(opened), held(THERE))
     asked = asked_of(first)
     second = after(first, held(FARTHER))
-    told = after(second, m.QueryAnswered(asked, SessionPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),))))
+    told = after(second, m.QueryAnswered(asked, SessionPlan((plan_step(asked.record.ends, 0, PlanOutcome.CONVERGED),))))
     assert told.plan is not None and told.plan.ends == first.ends and told.plan_is_stale
     assert choose_plan_style(told) is PlanStyle.WANTED, "it is a moment behind"
-    assert asked_of(told).ends == second.ends
+    assert asked_of(told).record.ends == second.ends
     assert choose_plan_style(after(told, replace(FARTHER, held=False))) is PlanStyle.STALE
 
 
@@ -86,7 +87,7 @@ def test_an_answer_from_before_a_job_is_no_plan_of_now(opened: Session) -> None:
     moving = after(well_planned(opened), held(THERE))
     asked = asked_of(moving)
     again = after(moving, m.StartPlan())
-    late = m.QueryAnswered(asked, SessionPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),)))
+    late = m.QueryAnswered(asked, SessionPlan((plan_step(asked.record.ends, 0, PlanOutcome.CONVERGED),)))
     assert after(again, late) is again
 
 
@@ -102,7 +103,7 @@ def test_what_was_dragged_away_from_a_flight_is_planned_again(opened: Session) -
     landed = reports(flying, *steps, JobFinished("fly"))
     assert choose_plan_style(landed) is PlanStyle.HIDDEN and "Arrived after 0.1 s" in status(landed).text
     moving = after(landed, held(THERE))
-    assert asked_of(moving).draft and choose_plan_style(moving) is PlanStyle.STALE
+    assert asked_of(moving).record.draft and choose_plan_style(moving) is PlanStyle.STALE
 
 
 @pytest.mark.parametrize(
@@ -117,7 +118,7 @@ def test_another_setting_is_planned_for_and_nothing_else_is_flown_meanwhile(open
     session = after(well_planned(opened), change)
     assert session.plan_is_stale and session.fresh_plan is None and choose_plan_style(session) is PlanStyle.STALE
     asked = asked_of(session)
-    assert asked.settings == session.plan_settings and not asked.draft
+    assert asked.record.settings == session.plan_settings and not asked.record.draft
     assert choose_next_step(session)[0] == m.StartPlan()
 
 
@@ -180,7 +181,7 @@ def test_too_fast_is_said_with_the_time_that_is_enough_and_a_button_that_allows_
     allowed = after(told, AllowTime(seconds))
     assert allowed.plan_settings.duration_s == seconds and not allowed.plan_settings.shortest
     assert allowed.job is not None and allowed.job.kind is JobKind.PLAN
-    made = make_plan(plan_request(allowed.plan_settings, allowed.ends, "fast", None), session.place)
+    made = make_plan(plan_request(allowed.new_plan(allowed.ends), Resources(session.place)), session.place)
     assert made.steps[-1].outcome in FLYABLE
 
 
@@ -219,9 +220,9 @@ def test_drafts_from_place_to_place_end_as_good_as_a_plan_from_scratch(opened: S
     assert place is not None
     ways = [Ends(End((-0.7, 0.5, 0.5)), End((0.7, -0.5 + 0.05 * share, 0.5))) for share in range(9)]
     for ends in ways:
-        request = plan_request(settings, ends, "fast", None)
+        request = plan_request(PlanRecord(ends, settings=settings), Resources(place))
         (last,) = make_plan(replace(request, draft=True, warm_start=last and last.motion), place).steps
         assert last.outcome in FLYABLE
-    scratch = make_plan(plan_request(settings, ways[-1], "fast", None), place)
+    scratch = make_plan(plan_request(PlanRecord(ways[-1], settings=settings), Resources(place)), place)
     assert last is not None and last.cost.total < 1.1 * scratch.steps[-1].cost.total
     assert EndFitQuery in kinds(pending_queries(after(opened, THERE)))

@@ -13,7 +13,7 @@ import numpy as np
 import viser
 
 from nerfnav.field import UnknownSpace
-from nerfnav.planner import FLYABLE, PLANNERS, CostWeights, PlanOutcome
+from nerfnav.planner import FLYABLE, PLANNERS, RISK, CostWeights, PlanOutcome
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.chart import Chart, time_shown
 from nerfnav_app.page.kit.html import LegendEntry, legend, note, table, warning
@@ -154,7 +154,7 @@ def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
         seconds = MoreTimeQuery.result_for(plan, session)
         remedy = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
         return f"Too fast for {duration_of(plan):.1f} s: {remedy}."
-    if plan.settings.weights != CostWeights() and plan.outcome not in NO_TRAJECTORY:
+    if not plan.settings.has_default_cost and plan.outcome not in NO_TRAJECTORY:
         return f"{describe_outcome(plan.outcome).split(':')[0]}, with these weights: restore them."
     return describe_outcome(plan.outcome)
 
@@ -198,7 +198,7 @@ def chart_data(history: CostHistory) -> np.ndarray:
     return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])
 
 
-_UNITS = {"outside": "1/m²", "margin": "m", "risk": "J"}
+_UNITS = {"outside": "1/m²", "margin": "m"}
 
 
 class PlanSettingsWidgets:
@@ -224,7 +224,17 @@ class PlanSettingsWidgets:
         bind(self._free, "unknown", lambda free: UnknownSpace.FREE if free else UnknownSpace.OCCUPIED)
         self._weights: dict[str, viser.GuiInputHandle[Any]] = {}
         with gui.add_folder("Weights", expand_by_default=False):
+            self._paper_cost = gui.add_checkbox(
+                "Paper's cost alone", False, hint="Minimise Eq. 2 of the paper: no noise model, no room for noise"
+            )
+            bind(self._paper_cost, "paper_cost", bool)
+            self._risk = gui.add_number(
+                "Risk weight [J]", RISK, hint="Cost of a collision by noise: more keeps farther from obstacles"
+            )
+            bind(self._risk, "risk_weight", float)
             for part in fields(CostWeights):
+                if part.name == "risk":
+                    continue  # which is `risk_weight`
                 name = capital(part.name.replace("_", " "))
                 unit = f" [{_UNITS[part.name]}]" if part.name in _UNITS else ""
                 self._weights[part.name] = widget = gui.add_number(name + unit, getattr(CostWeights(), part.name))
@@ -237,6 +247,7 @@ class PlanSettingsWidgets:
         accepted = settings.max_collision
         self._accepted.value = 100.0 if accepted is None else round(100 * accepted, 6)
         self._free.value = settings.unknown is UnknownSpace.FREE
+        self._paper_cost.value, self._risk.value = settings.paper_cost, settings.weights.risk or settings.risk_weight
         for name, widget in self._weights.items():
             widget.value = getattr(settings.weights, name)
 

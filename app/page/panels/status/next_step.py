@@ -5,7 +5,7 @@ from functools import partial
 
 import viser
 
-from nerfnav.planner import CostWeights, PlanOutcome
+from nerfnav.planner import PlanOutcome
 from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
@@ -24,7 +24,7 @@ def find_remedy(session: Session) -> tuple[Command, str] | None:
     if plan.outcome is PlanOutcome.OVER_LIMITS:
         seconds = MoreTimeQuery.result_for(plan, session)
         return None if seconds is None else (AllowTime(seconds), f"Allow {seconds:.1f} s")
-    return (RestoreWeights(), "Restore the weights") if plan.settings.weights != CostWeights() else None
+    return (RestoreWeights(), "Restore the weights") if not plan.settings.has_default_cost else None
 
 
 def choose_next_step(session: Session) -> tuple[Command, str]:

@@ -50,9 +50,9 @@ def test_the_help_of_the_command_names_every_experiment(capsys: pytest.CaptureFi
 def test_a_baseline_plans_and_prints_what_other_planners_print(
     planner: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["plan", "stonehenge", "--planner", planner, "--json"]) == 0
+    assert main(["plan", "stonehenge", "--planner", planner, "--paper-cost", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert main(["plan", "stonehenge", "--planner", "fast", "--json"]) == 0
+    assert main(["plan", "stonehenge", "--planner", "fast", "--paper-cost", "--json"]) == 0
     fast = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert set(summary) == set(fast)
     assert summary["outcome"] == "converged"
