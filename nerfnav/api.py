@@ -77,8 +77,8 @@ def fly(
     """Simulate a flight by Algorithm 1 of the paper: plan, act, look, correct and replan until the goal.
 
     With a `scene` the camera (by default the robot's own) photographs its mesh, and the episode says where the body
-    touched it; without one it photographs the field itself, and contacts are not judged. The same `seed` gives the
-    same noise. Raises as `plan` does.
+    touched it, which ends the flight unless `config.fly_on`; without one it photographs the field itself, and contacts
+    are not judged. The same `seed` gives the same noise. Raises as `plan` does.
     """
     config, settings = config or NavigateConfig(), FastPlanConfig()
     planned, robot, map_error = _with_solid_unknown(problem), problem.robot, ConsiderCovariance()
@@ -106,6 +106,7 @@ def fly(
         robot.mount,
         noise=config.noise,
         contact=None if scene is None else world.contact_check(scene, robot.body),
+        box=problem.field.box,
     )
     request = FlightRequest(problem.goal, problem.steps, problem.dt)
     return run_steps(navigate(request, simulator, stack, config, torch.Generator().manual_seed(seed)))

@@ -70,6 +70,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("detect",),
     ),
     "nerfnav.navigation": (
+        ("gust",),
         ("fallback", "simulator", "supervisor"),
         ("episode", "flight"),
         ("looking",),

@@ -108,7 +108,10 @@ def _add_step(session: Session, job: Job, event: PlanStep | FilterStep | Navigat
     if flight is None:
         return session
     if isinstance(event, NavigationStep):
-        return replace(session, flight=flight.with_step(event))
+        session = replace(session, flight=flight.with_step(event))
+        if event.gust_mps == 0:
+            return add_notice(session, "No gust", "The robot has no clearance here: fly on, and push it later.")
+        return session
     planned = session.plan is not None and session.plan.outcome is not None
     if isinstance(event, FilterStep) or flight.steps or planned:
         return replace(session, flight=flight.with_iteration(event))
@@ -155,5 +158,7 @@ def _finish_job(session: Session, job: Job, result: e.JobResult) -> Session:
     if job.kind is JobKind.TRACK and session.track is not None:
         return replace(session, track=replace(session.track, summary=result.summary))
     if job.kind is JobKind.FLY and session.flight is not None:
-        return replace(session, flight=replace(session.flight, summary=result.summary))
+        felt = sum(step.gust_mps is not None for step in session.flight.steps)
+        session = replace(session, flight=replace(session.flight, summary=result.summary))
+        return jobs.refuse_gust(session) if job.gusts > felt else session
     return session

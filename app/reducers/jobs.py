@@ -140,11 +140,13 @@ def steer_flight(session: Session, command: Steering) -> Session:
     """Steer the flight under way."""
     job = session.job
     if job is None or not session.in_flight:
-        return session
-    flight = session.flight
-    if flight is not None and isinstance(command, m.Gust):
-        flight = replace(flight, gusts=(*flight.gusts, session.steps_reported))
-    return replace(session, job=_steer_job(job, command, session.steps_reported), flight=flight)
+        return refuse_gust(session) if isinstance(command, m.Gust) else session
+    return replace(session, job=_steer_job(job, command, session.steps_reported))
+
+
+def refuse_gust(session: Session) -> Session:
+    """Report that a gust was requested after the end of a flight, or without one."""
+    return add_notice(session, "No gust", "There is no flight to push: press Fly first.")
 
 
 def _steer_job(job: Job, command: Steering, steps: int) -> Job:

@@ -4,14 +4,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
-from nerfnav.navigation import EpisodeOutcome, NavigationStep, WorldName
+from nerfnav.navigation import EpisodeOutcome, GustStrength, NavigationStep, WorldName
 from nerfnav.planner import PlanStep
 from nerfnav.robots import Motion, RigidState, StateNoise
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.tracks import TrackRecord
 
-GUST = StateNoise(position_m=0.05, velocity_mps=0.3, attitude_rad=0.05, body_rate_radps=0.3)
-"""Disturbance of one gust of wind."""
+LARGEST_GUST = GustStrength(position_m=0.05, velocity_mps=0.3, attitude_rad=0.05, body_rate_radps=0.3)
+"""Gust with clearance all around; scaled down with less."""
 LARGEST_SEED = 2**31 - 1
 """Seeds are whole numbers from 0 to this."""
 
@@ -115,10 +115,13 @@ class FlightRecord:
     """Part of the time step in progress, for the user."""
     summary: dict[str, Any] = field(default_factory=dict)
     """Figures of the job, once it has finished."""
-    gusts: tuple[int, ...] = ()
-    """Time steps in which a gust was requested; not known of stored flights."""
     goals_moved: tuple[int, ...] = ()
     """Time steps in which the goal was moved; not known of stored flights."""
+
+    @property
+    def gusts(self) -> tuple[int, ...]:
+        """Time steps in which a gust pushed the robot."""
+        return tuple(index for index, step in enumerate(self.steps) if step.gust_mps)
 
     @property
     def outcome(self) -> EpisodeOutcome | None:

@@ -1,7 +1,8 @@
 """Step codec: a time step of a flight to a line of JSON, and back.
 
 steps.jsonl     index, time [s], action, truth and belief as 18 numbers (position, velocity, rotation row by row, body
-                rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late
+                rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late,
+                gust_mps where there was a gust
 pictures/       the camera's picture of each step as JPEG
 
 Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
@@ -46,7 +47,7 @@ def encode_step(step: NavigationStep) -> dict[str, Any]:
         "outcome": None if step.outcome is None else step.outcome.name.lower(),
         "recovery": None if step.recovery is None else step.recovery.name.lower(),
         "late": step.late,
-    }
+    } | ({} if step.gust_mps is None else {"gust_mps": step.gust_mps})
 
 
 def keep_picture(folder: Path, image: Tensor, index: int) -> str:
@@ -80,6 +81,7 @@ def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         outcome=None if outcome is None else EpisodeOutcome[outcome.upper()],
         recovery=None if recovery is None else SupervisorState[recovery.upper()],
         late=bool(content.get("late", False)),
+        gust_mps=content.get("gust_mps"),
     )
 
 

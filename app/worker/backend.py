@@ -68,7 +68,7 @@ class NavigationBackend:
                 return compare_planners.run(routes, place)
             case JobKind.FLY:
                 self._requests = SessionRequests(job, place)
-                return fly.run(self._fly_request(session, job, place, self._requests), place)
+                return self._requests.watch(fly.run(self._fly_request(session, job, place, self._requests), place))
             case JobKind.PLACE:
                 return self._georeference(session, job)
             case JobKind.MAP if isinstance(job.request, MapDownload):

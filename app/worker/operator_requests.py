@@ -1,27 +1,33 @@
 """Operator requests of a flight that is under way, taken from the session: its goal, gusts, kidnapping, and searches.
 
-A kidnapped robot is moved to a free pose far away, and gets no notice of it.
+A kidnapped robot is moved to a free pose far away, and gets no notice of it. A gust is scaled to the clearance of the
+time step in which it pushes.
 """
 
 from dataclasses import replace
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from nerfnav.field import UnknownSpace
 from nerfnav.geometry import Pose
-from nerfnav.navigation import OperatorRequests
+from nerfnav.navigation import GustStrength, NavigationStep, OperatorRequests, fit_gust
 from nerfnav.navigation.simulator import sample_kidnap_pose
-from nerfnav.planner import fits
-from nerfnav.robots import RigidState
+from nerfnav.planner import SafetyConfig, fits, measure_clearance
+from nerfnav.robots import Motion, RigidState
+from nerfnav_app.jobs.events import JobEvent, JobEvents, relay_steps
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.places.place import Place
-from nerfnav_app.state.flight import GUST
+from nerfnav_app.state.flight import LARGEST_GUST
 from nerfnav_app.state.job import Job
 from nerfnav_app.state.session import Session
 
 _ROOM = 0.03
 """Clearance of a kidnapped robot [m]."""
+_ROOM_STEP = 0.001
+"""Resolution of the room beside a robot on the ground [m]."""
 
 
 def find_kidnap_pose(place: Place, truth: RigidState, generator: torch.Generator) -> Pose | None:
@@ -33,12 +39,43 @@ def find_kidnap_pose(place: Place, truth: RigidState, generator: torch.Generator
     )
 
 
+def make_gust(place: Place, truth: RigidState, action: Float[Tensor, " a"], dt: float) -> GustStrength:
+    """Make a gust for a time step of `dt` [s] from the true state, as strong as the clearance in the step allows; of no
+    strength where the field shows none."""
+    planned = prepare_place(place, UnknownSpace.OCCUPIED)
+    after = planned.robot.step(truth, action, dt)
+    step = Motion(RigidState.stack([truth, after]), action[None], dt)
+    clearance = _level_clearance(planned, step) if planned.robot.planar else _clearance(planned, step)
+    return fit_gust(LARGEST_GUST, planned.robot, clearance)
+
+
+def _clearance(planned: Place, motion: Motion) -> float:
+    """Measure the clearance of a motion [m], at most the reach of the measurement."""
+    config, body = SafetyConfig(), planned.robot.body
+    _, reach, _ = config.lengths(planned.field, body)
+    found = measure_clearance(planned.field, motion, body, config)
+    return reach if found is None else found
+
+
+def _level_clearance(planned: Place, motion: Motion) -> float:
+    """Find the room beside a robot on the ground [m], to a millimetre: what it stands on is always near."""
+    _, high, _ = SafetyConfig().lengths(planned.field, planned.robot.body)
+    low = 0.0
+    while high - low > _ROOM_STEP:
+        middle = 0.5 * (low + high)
+        body = planned.robot.body_with_room(middle)
+        free = all(fits(planned.field, body, state) for state in (motion.states[0], motion.states[-1]))
+        low, high = (middle, high) if free else (low, middle)
+    return low
+
+
 class SessionRequests:
     """Operator of one flight that follows the session. Used by the worker's thread alone."""
 
     def __init__(self, job: Job, place: Place) -> None:
         self._place, self._goal = place, job.ends.goal
-        self._goal_state, self._truth = job.ends.goal.state(), job.ends.start.state()
+        self._goal_state = job.ends.goal.state()
+        self._last: NavigationStep | None = None
         self._job = self._served = job
         self._generator = torch.Generator().manual_seed(job.id)
 
@@ -49,19 +86,34 @@ class SessionRequests:
             return
         self._job = job
         if session.flight is not None and session.flight.steps:
-            self._truth = session.flight.steps[-1].truth
+            self._keep(session.flight.steps[-1])
         goal = session.ends.goal
         if goal != self._goal and session.problems.get(EndRole.GOAL, "not known yet") is None:
             self._goal, self._goal_state = goal, goal.state()
 
+    def watch(self, flight: JobEvents) -> JobEvents:
+        """Relay the events of the flight, and note its last time step: the session hears of it later."""
+        return relay_steps(flight, self._note)
+
+    def _note(self, event: JobEvent) -> tuple[JobEvent]:
+        if isinstance(event, NavigationStep):
+            self._keep(event)
+        return (event,)
+
+    def _keep(self, step: NavigationStep) -> None:
+        if self._last is None or step.index > self._last.index:
+            self._last = step
+
     def take(self) -> OperatorRequests:
         """Take the requests for the next time step; a gust blows once for each time that it was requested."""
-        job, served = self._job, self._served
+        job, served, last = self._job, self._served, self._last
+        if last is None:  # the flight has not begun: what is requested waits
+            return OperatorRequests(goal=self._goal_state)
         blows, kidnaps = served.gusts < job.gusts, served.kidnaps < job.kidnaps
         self._served = replace(job, gusts=served.gusts + blows)
         return OperatorRequests(
             goal=self._goal_state,
-            gust=GUST if blows else None,
-            kidnap_pose=find_kidnap_pose(self._place, self._truth, self._generator) if kidnaps else None,
+            gust=make_gust(self._place, last.truth, last.plan.actions[0], last.plan.dt) if blows else None,
+            kidnap_pose=find_kidnap_pose(self._place, last.truth, self._generator) if kidnaps else None,
             search=served.searches < job.searches,
         )

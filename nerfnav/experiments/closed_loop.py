@@ -48,7 +48,9 @@ def trials_of(study: Study) -> list[FlightTrial]:
     """The flights, those with the state known right after those by camera."""
     flights = study.flights
     return [
-        FlightTrial(_task(study, index), study.seed + index, known, flights.world, flights.risk, flights.robot)
+        FlightTrial(
+            _task(study, index), study.seed + index, known, flights.world, flights.risk, flights.robot, flights.fly_on
+        )
         for index in range(study.trials or _TRIALS)
         for known in ((False, True) if flights.truth else (False,))
     ]
@@ -159,7 +161,10 @@ def _words(*numbers: float) -> str:
     return " ".join(f"{number:.9g}" for number in numbers)
 
 
-_OUTCOMES = ("reached", "collided", "diverged", "timeout", "no_plan", "too_risky", REFUSED)
+_OUTCOMES = (
+    *(outcome.name.lower() for outcome in EpisodeOutcome if outcome is not EpisodeOutcome.STOPPED), REFUSED,
+)  # fmt: skip
+"""Outcomes that are counted: no one stops a trial."""
 _QUANTILE_95 = 1.96
 """Of the normal distribution, both sides together."""
 

@@ -127,6 +127,8 @@ class FlightTrial:
     """Cost of a collision by noise [J]; None: the default of flights."""
     robot: str | None = None
     """Name or file of what flies; None: what the task is for."""
+    fly_on: bool = False
+    """Fly on after a contact, which is counted."""
 
 
 def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
@@ -162,7 +164,7 @@ def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
 
 def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[FlightStep]:
     world = WORLDS[trial.world]
-    config = world.configure(NavigateConfig())
+    config = world.configure(NavigateConfig(fly_on=trial.fly_on))
     config = replace(config, filter=config.filter.for_field(arena.field.info))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
@@ -177,9 +179,9 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
         return make_renderer(arena).render(robot.camera, pose).image
 
     contact = contact_check(arena.scene, robot.body)
-    simulator = world.simulate(
-        Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
-    )
+    simulator = world.simulate(Simulator(
+        robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact, box=problem.field.box,
+    ))  # fmt: skip
     if trial.known:
         config = replace(config, initial=KNOWN)
         stack = NavigationStack(planner, TrueStateEstimator(simulator), safety_filter=safety_filter)

@@ -25,6 +25,8 @@ class FlightOptions:
     robot: str | None = None
     """Name or file of the robot that flies what is asked of robots of its kind; None: those that the tasks are for, and
     the paper's between random ends."""
+    fly_on: bool = False
+    """Fly on after a contact, which is counted, as the paper's evaluation does; else a contact ends the flight."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a risk that is no weight."""

@@ -19,7 +19,7 @@ from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import FLYABLE, PiecewisePolynomial, PlanOutcome
 
-_ENDED_BADLY = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
+_ENDED_BADLY = tuple(outcome for outcome in EpisodeOutcome if outcome.is_mishap)
 """Outcomes of flights that no vehicle should repeat."""
 
 

@@ -11,6 +11,8 @@ from .flight import FlightRequest as FlightRequest
 from .flight import NavigateConfig as NavigateConfig
 from .flight import NavigationStack as NavigationStack
 from .flight import OperatorRequests as OperatorRequests
+from .gust import GustStrength as GustStrength
+from .gust import fit_gust as fit_gust
 from .looking import make_yaw_objective as make_yaw_objective
 from .loop import navigate as navigate
 from .physical.config import PhysicalConfig as PhysicalConfig

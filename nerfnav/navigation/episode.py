@@ -38,11 +38,17 @@ class EpisodeOutcome(Enum):
 
     REACHED = "the robot is at the goal"
     COLLIDED = "the robot touched the ground-truth mesh"
+    OUTSIDE = "the robot left the field's box"
     DIVERGED = "the filter lost the robot"
     TIMEOUT = "the goal was not reached in time"
     NO_PLAN = "no plan leads to the goal"
     TOO_RISKY = "no way was found that is safe enough in the noise to come"
     STOPPED = "the flight was stopped on the way"
+
+    @property
+    def is_mishap(self) -> bool:
+        """True where no vehicle should repeat the flight: the robot hit something, left the place, or was lost."""
+        return self in (EpisodeOutcome.COLLIDED, EpisodeOutcome.OUTSIDE, EpisodeOutcome.DIVERGED)
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,8 @@ class NavigationStep:
     which has it."""
     first_plan: Motion | None = None
     """Plan from the given start to the goal, with which the flight began, at index 0; None at later ones."""
+    gust_mps: float | None = None
+    """Change of speed by a gust on the way here [m/s]; 0 where the robot had no clearance for one, None without one."""
 
     @property
     def filter_belief(self) -> Belief:

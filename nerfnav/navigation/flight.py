@@ -14,6 +14,7 @@ from nerfnav.estimator import ConsiderCovariance, Estimator, FilterConfig
 from nerfnav.field import Field
 from nerfnav.geometry import Pose
 from nerfnav.navigation.fallback import SafetyFilter
+from nerfnav.navigation.gust import GustStrength
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorConfig
 from nerfnav.planner import Planner
@@ -26,7 +27,7 @@ class OperatorRequests:
 
     goal: RigidState | None = None
     """New goal; None: the goal stays."""
-    gust: StateNoise | None = None
+    gust: GustStrength | StateNoise | None = None
     """Disturbance of this time step, on top of the usual one."""
     kidnap_pose: Pose | None = None
     """T_world_body to which the robot is moved at the end of this time step, before its picture."""
@@ -94,11 +95,16 @@ class NavigateConfig:
     the believed state."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
+    fly_on: bool = False
+    """Fly on after a contact with the ground truth, which is counted, as the paper's evaluation does; the outcome at
+    the end is COLLIDED all the same. By default a contact ends the flight."""
 
     @classmethod
     def paper(cls) -> "NavigateConfig":
-        """Return the paper's assumptions: covariance 0.1 I at the start and for the process noise."""
-        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1), look_first=False, in_sight=0.0)
+        """Return the paper's assumptions: covariance 0.1 I at the start and for the process noise, contacts counted."""
+        return cls(
+            filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1), look_first=False, in_sight=0.0, fly_on=True
+        )
 
 
 @dataclass(frozen=True)

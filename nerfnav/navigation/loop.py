@@ -63,9 +63,9 @@ def navigate(
 ) -> Generator[FlightStep, None, Episode]:
     """Fly from the state of the simulator to the goal (Algorithm 1), and return the episode.
 
-    Yields every iteration of planner and filter, and a NavigationStep for each time step, index 0 first. A robot that
-    touches the ground truth flies on, so that the estimate can be studied, but its outcome is COLLIDED. Raises as the
-    planner does for ends that cannot be planned between.
+    Yields every iteration of planner and filter, and a NavigationStep for each time step, index 0 first. A contact with
+    the ground truth ends the flight, unless it flies on (`config.fly_on`); leaving the field's box always does. Raises
+    as the planner does for ends that cannot be planned between.
     """
     flight = FlightContext(request, simulator, stack, config, generator)
     step = yield from plan(flight)
@@ -146,7 +146,7 @@ def act(last: NavigationStep, requests: OperatorRequests, flight: FlightContext)
         simulator.kidnap(requests.kidnap_pose)
     return NavigationStep(
         index, index * flight.request.dt, last.plan.actions[0], simulator.state, last.belief, None, None, last.plan,
-        touched, 0.0, 0.0,
+        touched, 0.0, 0.0, gust_mps=None if requests.gust is None else requests.gust.velocity_mps,
     )  # fmt: skip
 
 
@@ -203,9 +203,12 @@ def dead_reckon(now: NavigationStep, last: NavigationStep, flight: FlightContext
 def judge(
     step: NavigationStep, flown: Sequence[NavigationStep], goal: ActiveGoal, flight: FlightContext
 ) -> EpisodeOutcome | None:
-    """Judge whether a flight ends at this time step; COLLIDED where the body has touched anything until then."""
+    """Judge whether a flight ends at this time step: COLLIDED, else OUTSIDE, else as `_judge_arrival` says."""
     outcome = _judge_arrival(step, sum(before.holds for before in (*flown[1:], step)), goal, flight)
-    touched = outcome is not None and any(before.touched for before in (*flown, step))
+    if flight.simulator.is_outside(step.truth):
+        outcome = EpisodeOutcome.OUTSIDE
+    ends = outcome is not None or (step.touched and not flight.config.fly_on)
+    touched = ends and any(before.touched for before in (*flown, step))
     return EpisodeOutcome.COLLIDED if touched else outcome
 
 

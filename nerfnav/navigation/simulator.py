@@ -1,7 +1,8 @@
 """Simulated robot: the true state, moved by the dynamics plus noise, with a camera.
 
 The simulator knows neither field nor mesh: camera and contact are callables, so that a mesh, a field or real hardware
-may stand behind them. A kidnapped robot is moved to a random pose where its body fits (`sample_kidnap_pose`).
+may stand behind them; of the field it has the box alone. A kidnapped robot is moved to a random pose where its body
+fits (`sample_kidnap_pose`).
 """
 
 from collections.abc import Callable, Iterator
@@ -12,6 +13,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.geometry import FORWARD_MOUNT, Box, Pose, so3
+from nerfnav.navigation.gust import GustStrength
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
@@ -45,8 +47,14 @@ class Simulator:
     """Noise of the state after every step (paper: 2 cm, 0.02 rad, half on the rates); None: no noise."""
     contact: ContactFunction | None = None
     """Contact check of the body's path; None without ground truth."""
+    box: Box | None = None
+    """Box of the field, which ends the world of the flight; None: it has no end."""
 
-    def act(self, action: Float[Tensor, " a"], dt: float, gust: StateNoise | None = None) -> bool:
+    def is_outside(self, state: RigidState) -> bool:
+        """Check whether the position of a state is outside the box."""
+        return self.box is not None and not bool(self.box.contains(state.position))
+
+    def act(self, action: Float[Tensor, " a"], dt: float, gust: GustStrength | StateNoise | None = None) -> bool:
         """Apply an action for `dt` [s], and a gust; return whether the body touched anything."""
         before = self.state
         self.state = self.robot.step(before, action, dt)
@@ -56,7 +64,9 @@ class Simulator:
         self.state = self.robot.settled(self.state, before)
         return self.contact is not None and self.contact(before, self.state)
 
-    def follow(self, plan: Motion, gust: StateNoise | None = None, believed: RigidState | None = None) -> bool:
+    def follow(
+        self, plan: Motion, gust: GustStrength | StateNoise | None = None, believed: RigidState | None = None
+    ) -> bool:
         """Apply the first action of a plan, as `act` does; `believed` is the believed state, by default the start of
         the plan."""
         return self.act(plan.actions[0], plan.dt, gust)

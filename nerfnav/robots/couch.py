@@ -130,6 +130,11 @@ class Couch(GroundRobot):
         self.action_weights = (config.max_force**-2, config.max_force**-2, torque**-2)
         self.bounds = config.bounds
 
+    @property
+    def deceleration(self) -> float:
+        """Deceleration by the largest force [m/s^2]."""
+        return self.config.max_force / self.config.mass
+
     def step(self, state: RigidState, action: Float[Tensor, "*batch 3"], dt: float) -> RigidState:
         """The state after `dt` [s] under (force x, force y [N], torque [N m]), which are held meanwhile."""
         push = spatial(action[..., :2] / self.config.mass, 0.0)

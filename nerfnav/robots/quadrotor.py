@@ -21,6 +21,7 @@ free:
 `QuadrotorMap` is the same map compiled; `dynamics_kernels` are the dynamics.
 """
 
+import math
 from typing import final
 
 import numpy as np
@@ -128,6 +129,14 @@ class Quadrotor(Robot):
         torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)
         self.action_weights = (self.weight**-2, *(torque**-2 for torque in torques))
         self.bounds = self.config.bounds
+
+    @property
+    def deceleration(self) -> float:
+        """Smallest deceleration over all directions by the limits of thrust and tilt, at most that of durations
+        [m/s^2]."""
+        config = self.config
+        upward, downward = config.max_thrust / config.mass - config.gravity, (1 - config.thrust_floor) * config.gravity
+        return min(self.acceleration, upward, downward, config.gravity * math.tan(config.max_tilt))
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 4"], dt: float) -> RigidState:
         """Compute the state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""

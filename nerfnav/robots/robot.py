@@ -41,7 +41,7 @@ CAMERA = Camera.from_fov(200, 200, 90)
 """Default camera of robots: as wide as the bundled fields' own photographs."""
 _NO_PART_OF_THE_MAP = frozenset(
     ("__init__", "hold", "steer", "encode", "free_scales", "free_headings", "check_ends", "settled", "with_body",
-     "body_with_room", "with_camera", "source")
+     "body_with_room", "with_camera", "source", "deceleration")
 )  # fmt: skip
 """Methods that a robot may override and still use its parent's compiled map."""
 
@@ -71,6 +71,11 @@ class Robot(ABC):
     """T_body_camera."""
     file: Path | None = None
     """File that describes it; None where its class alone does."""
+
+    @property
+    def deceleration(self) -> float:
+        """Deceleration that the robot can do in any direction [m/s^2]; 1 where neither it nor its bounds tell one."""
+        return self.acceleration or self.most("acceleration") or 1.0
 
     @property
     def source(self) -> str:

@@ -10,11 +10,11 @@ import torch
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.core.steps import run_steps
 from nerfnav.experiments import closed_loop_flight
-from nerfnav.experiments.closed_loop import draw_figure, fly, is_silent, run, summarize, trials_of, wilson
+from nerfnav.experiments.closed_loop import REFUSED, draw_figure, fly, is_silent, run, summarize, trials_of, wilson
 from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, random_task
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.experiments.study import Study
-from nerfnav.navigation import FlightRequest, FlightStep, NavigationStack, Simulator
+from nerfnav.navigation import EpisodeOutcome, FlightRequest, FlightStep, NavigationStack, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
@@ -173,6 +173,18 @@ def test_the_summary_counts_flights_by_camera_and_tells_those_with_the_truth_apa
     assert summary["inside_95"] == 0.5 and summary["step_max_ms"] == 6
     assert summarize(flights[:3])["truth_reached"] is None
     assert len(draw_figure(flights).axes[0].patches) == 3
+
+
+def test_the_counts_of_all_outcomes_sum_to_the_trials() -> None:
+    outcomes = [o.name.lower() for o in EpisodeOutcome if o is not EpisodeOutcome.STOPPED] + [REFUSED]
+    summary = summarize([flight(outcome) for outcome in outcomes])
+    assert summary["outside"] == 1 and sum(summary[outcome] for outcome in outcomes) == summary["trials"]
+
+
+def test_an_option_lets_flights_go_on_after_a_contact() -> None:
+    study = Study(column, TASKS, trials=2, flights=FlightOptions("tasks"))
+    assert not any(trial.fly_on for trial in trials_of(study))
+    assert all(trial.fly_on for trial in trials_of(replace(study, flights=FlightOptions("tasks", fly_on=True))))
 
 
 @pytest.mark.slow

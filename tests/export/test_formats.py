@@ -8,9 +8,10 @@ import pytest
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.formats import FORMATS
+from nerfnav.export.formats import FORMATS, explain_unsafe
 from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Recording
+from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import PlanOutcome
 from nerfnav.robots.quadrotor import Quadrotor
 from tests.export.flights import curve, flight, hover_to_hover, plan
@@ -27,6 +28,12 @@ def test_a_plan_that_ended_badly_leaves_only_by_force_and_says_how_it_ended(outc
     name = outcome.name.lower()
     for form in ("px4", "ardupilot", "json", "tum", "mcap", "gltf"):
         assert name in FORMATS[form].exported(recording, force=True).content.decode(errors="ignore")
+
+
+def test_no_vehicle_repeats_a_flight_that_hit_something_left_the_place_or_was_lost() -> None:
+    ended_badly = {EpisodeOutcome.COLLIDED, EpisodeOutcome.OUTSIDE, EpisodeOutcome.DIVERGED}
+    assert {outcome for outcome in EpisodeOutcome if explain_unsafe(outcome, FORMATS["px4"])} == ended_badly
+    assert not any(explain_unsafe(outcome, FORMATS["csv"]) for outcome in EpisodeOutcome)
 
 
 def test_a_flight_that_touched_something_is_reported_in_every_format_and_flown_again_by_force_alone() -> None:

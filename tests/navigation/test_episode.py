@@ -19,9 +19,8 @@ from tests.navigation.doubles import CALM, REQUEST, Oracle, StraightPlanner, dra
 @pytest.fixture(scope="module")
 def flight() -> list[NavigationStep]:
     world = simulator(contact=lambda before, after: bool(before.position[0] < 0 <= after.position[0]))
-    events = navigate(
-        REQUEST, world, NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM), draws(1)
-    )
+    config = NavigateConfig(initial=CALM, fly_on=True)
+    events = navigate(REQUEST, world, NavigationStack(StraightPlanner(), Oracle(world)), config, draws(1))
     return [event for event in events if isinstance(event, NavigationStep)]
 
 

@@ -13,9 +13,10 @@ from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep, FilterUpdate
 from nerfnav.estimator.map_error import ConsiderCovariance
-from nerfnav.geometry import so3
+from nerfnav.geometry import Box, so3
 from nerfnav.navigation.episode import Episode, EpisodeOutcome, FlightStep, NavigationStep
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack, OperatorRequests
+from nerfnav.navigation.gust import GustStrength
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import SupervisorState
@@ -202,14 +203,41 @@ def test_a_robot_looks_around_before_it_leaves_until_a_picture_says_something():
     assert steps[-1].outcome is EpisodeOutcome.REACHED
 
 
-def test_a_robot_that_touches_flies_on_and_has_collided_in_the_end():
-    def contact(before: RigidState, after: RigidState) -> bool:
-        return bool(before.position[0] < 0 <= after.position[0])
+def crosses(before: RigidState, after: RigidState) -> bool:
+    """Touch a plane at x = 0."""
+    return bool(before.position[0] < 0 <= after.position[0])
 
-    steps = steps_of(fly(world=simulator(contact=contact)))
+
+@pytest.mark.parametrize("open_loop", [False, True])
+def test_a_contact_ends_a_flight(open_loop: bool):
+    steps = steps_of(fly(world=simulator(contact=crosses), config=replace(CONFIG, open_loop=open_loop)))
+    assert [step.touched for step in steps] == [False] * (len(steps) - 1) + [True]
+    assert steps[-1].outcome is EpisodeOutcome.COLLIDED
+    assert (steps[-1].truth.position - GOAL.position).norm() > 0.3
+
+
+def test_a_robot_that_shall_fly_on_touches_and_has_collided_in_the_end():
+    steps = steps_of(fly(world=simulator(contact=crosses), config=replace(CONFIG, fly_on=True)))
     assert sum(step.touched for step in steps) == 1 and not steps[-1].touched
     assert steps[-1].outcome is EpisodeOutcome.COLLIDED
     assert (steps[-1].truth.position - GOAL.position).norm() < 0.1
+
+
+@pytest.mark.parametrize("fly_on", [False, True])
+def test_a_robot_that_leaves_the_box_of_the_field_has_ended_its_flight(fly_on: bool):
+    box = Box.of((-1.0, -1.0, 0.0), (0.1, 1.0, 1.0))
+    steps = steps_of(fly(world=simulator(box=box), config=replace(CONFIG, fly_on=fly_on)))
+    assert all(step.truth.position[0] <= 0.1 for step in steps[:-1]) and steps[-1].truth.position[0] > 0.1
+    assert steps[-1].outcome is EpisodeOutcome.OUTSIDE
+    hit = steps_of(fly(world=simulator(box=box, contact=crosses), config=replace(CONFIG, fly_on=True)))
+    assert hit[-1].outcome is EpisodeOutcome.COLLIDED, "the first that holds"
+
+
+def test_a_gust_is_recorded_in_the_time_step_that_it_disturbs():
+    gusts = iter([None, GustStrength(0.01, 0.2, 0.01, 0.1), GustStrength(0.0, 0.0, 0.0, 0.0)])
+    request = replace(REQUEST, operator=lambda: OperatorRequests(gust=next(gusts, None)))
+    steps = steps_of(fly(request=request))
+    assert [step.gust_mps for step in steps] == [None, None, 0.2, 0.0, *[None] * (len(steps) - 4)]
 
 
 def test_open_loop_flies_the_first_plan_without_looking():
@@ -259,6 +287,7 @@ def test_the_consumers_time_is_not_counted():
 
 def test_the_paper_preset_assumes_a_tenth_of_the_identity():
     paper = NavigateConfig.paper()
+    assert paper.fly_on, "its evaluation counts contacts"
     torch.testing.assert_close(paper.filter.process_noise.covariance(), 0.1 * torch.eye(12))
     assert ROBOT.minimum_steps <= paper.minimum_horizon
 

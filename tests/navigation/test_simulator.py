@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from nerfnav import robots
+from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import R_BODY_CAMERA, Pose
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
@@ -63,6 +64,11 @@ def test_contact_is_reported_and_the_robot_flies_on():
     assert world.act(1.2 * HOVER, 0.1)
     assert not world.act(0.8 * HOVER, 0.1)
     assert world.state.position[2] > START.position[2]
+
+
+def test_a_position_is_outside_beyond_the_box_and_nowhere_without_one():
+    world, there = simulator(box=Box.of((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))), RigidState.at_rest((0.0, 0.0, 1.2))
+    assert world.is_outside(there) and not world.is_outside(START) and not simulator().is_outside(there)
 
 
 def test_nothing_is_touched_without_ground_truth():

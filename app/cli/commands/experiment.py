@@ -27,6 +27,8 @@ class Arguments(ExperimentOptions, Output):
     """Flights: fly each a second time with the true state, to show what noise alone costs."""
     robot: Annotated[str | None, arg(metavar="NAME|FILE")] = None
     """Flights: the robot, as in `fly` (default: that of the tasks)."""
+    fly_on: bool = False
+    """Flights: count a contact and fly on, as in `fly` (default: a contact ends the flight)."""
 
 
 def run(arguments: Arguments) -> None:
@@ -49,7 +51,8 @@ def run(arguments: Arguments) -> None:
 def _options(arguments: Arguments) -> FlightOptions | None:
     """Options of whole flights; None where none was given."""
     given = arguments.ends, arguments.world, arguments.risk_weight, arguments.robot
-    if all(option is None for option in given) and not arguments.truth:
+    truth, fly_on = arguments.truth, arguments.fly_on
+    if all(option is None for option in given) and not (truth or fly_on):
         return None
     ends, world, risk, robot = given
-    return FlightOptions(ends or FlightOptions.ends, world or FlightOptions.world, risk, arguments.truth, robot)
+    return FlightOptions(ends or FlightOptions.ends, world or FlightOptions.world, risk, truth, robot, fly_on)

@@ -30,6 +30,8 @@ class Arguments(Route):
     """Calibration of the robot's camera by ROS, OpenCV, nerfstudio or COLMAP (default: the robot's own)."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
+    fly_on: bool = False
+    """Count a contact with the mesh and fly on, as the paper's evaluation does (default: a contact ends the flight)."""
     world: WorldName = "paper"
     """World: the paper's noise at each time step, or motors, drag, wind and late pictures. The physical one is for
     quadrotors alone; there --duration auto gives a flight time for wind."""
@@ -47,10 +49,13 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
     entry = find_planner(words)
     own = {"plan": entry.config(), "replan": entry.again(entry.config())}
     planning = [(name, type(settings), field(default=settings)) for name, settings in own.items()]
-    # --open-loop is an option of the command itself: the setting keeps its old name, which help does not list
-    known = ("open_loop", Annotated[bool, arg(name="config.open-loop"), Suppress], field(default=False))
+    # --open-loop and --fly-on are options of the command itself: the settings keep names that help does not list
+    known = [
+        (name, Annotated[bool, arg(name=f"config.{name.replace('_', '-')}"), Suppress], field(default=False))
+        for name in ("open_loop", "fly_on")
+    ]
     about = {"__doc__": NavigateConfig.__doc__}
-    config = make_dataclass("Config", [*planning, known], bases=(NavigateConfig,), frozen=True, namespace=about)
+    config = make_dataclass("Config", [*planning, *known], bases=(NavigateConfig,), frozen=True, namespace=about)
     return with_settings(Arguments, config())
 
 
@@ -60,6 +65,7 @@ def run(arguments: Any) -> None:
     if arguments.camera is not None:
         place = place.seen_with(read_camera(arguments.camera))
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
+    config = replace(config, fly_on=arguments.fly_on or config.fly_on)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
     request = FlyRequest(

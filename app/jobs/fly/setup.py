@@ -45,7 +45,7 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
     )
     simulator = world.simulate(Simulator(
         robot, route.ends.start.state(), camera_function(place), world_generator(request.seed), robot.mount,
-        noise=config.noise, contact=contact_function(place),
+        noise=config.noise, contact=contact_function(place), box=place.field.box,
     ))  # fmt: skip
     stack = compensate_latency(stack, simulator)
     if request.realtime:  # the first update of a process takes seconds, for which no robot waits on the ground

@@ -15,6 +15,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Pose
 from nerfnav.inertial import ImuConfig
+from nerfnav.navigation.gust import GustStrength
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.geometric_controller import TrackingGains, compute_wrench
 from nerfnav.navigation.physical.inertial import InertialInterval, InertialUnit, integrate_imu
@@ -54,7 +55,9 @@ class PhysicalSimulator(Simulator):
         self._inertial = InertialUnit(self.world, self.generator)
         self._put(self.state)
 
-    def follow(self, plan: Motion, gust: StateNoise | None = None, believed: RigidState | None = None) -> bool:
+    def follow(
+        self, plan: Motion, gust: GustStrength | StateNoise | None = None, believed: RigidState | None = None
+    ) -> bool:
         """Track the first step of a plan from where the robot believes to be (see Simulator)."""
         count, late = max(1, round(plan.dt * self.world.control_hz)), self._late
         tick, gravity = plan.dt / count, self._frame.gravity

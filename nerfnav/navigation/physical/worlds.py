@@ -29,7 +29,7 @@ def make_physical_simulator(simulator: Simulator, world: PhysicalConfig | None =
     """Move a simulator to the physical world. Raises InvalidInputError for other robots than quadrotors."""
     return PhysicalSimulator(
         simulator.robot, simulator.state, simulator.camera, simulator.generator, simulator.mount,
-        noise=None, contact=simulator.contact, world=world or PhysicalConfig(),
+        noise=None, contact=simulator.contact, box=simulator.box, world=world or PhysicalConfig(),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 import nerfnav_scenes as scenes
+from nerfnav.navigation import GustStrength
 from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.task import Task
@@ -20,7 +21,7 @@ from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.flight import GUST
+from nerfnav_app.state.flight import LARGEST_GUST
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.place import Choice
 from nerfnav_app.state.plan import CostHistory, PlanRecord
@@ -281,9 +282,22 @@ def test_the_pace_counts_at_once_and_noise_from_the_next_flight_on(opened: Sessi
 
 
 def test_a_gust_is_for_a_flight_under_way(opened: Session) -> None:
-    assert after(opened, m.Gust()) is opened
+    refused = after(opened, m.Gust())
+    assert refused.notices[-1].body.startswith("There is no flight to push") and refused.trouble is None
     flying = after(planned(opened), m.StartFlight(), m.Gust(), m.Gust())
     assert flying.job is not None and flying.job.gusts == 2
+
+
+def test_a_gust_for_which_there_is_no_clearance_or_no_time_left_is_refused_in_a_sentence(opened: Session) -> None:
+    flying = after(planned(opened), m.StartFlight(), m.Gust())
+    steps = [flight_step(flying.ends, 0), replace(flight_step(flying.ends, 1), gust_mps=0.0)]
+    refused = reports(flying, *steps)
+    assert refused.notices[-1].body.startswith("The robot has no clearance here")
+    assert refused.flight is not None and refused.flight.gusts == ()
+    pushed = reports(flying, steps[0], replace(steps[1], gust_mps=0.1), JobFinished("fly"))
+    assert pushed.flight is not None and pushed.flight.gusts == (1,) and not pushed.notices
+    late = reports(flying, steps[0], JobFinished("fly"))
+    assert late.notices[-1].body.startswith("There is no flight to push")
 
 
 def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: Session) -> None:
@@ -307,7 +321,11 @@ def test_each_gust_is_felt_once(opened: Session) -> None:
     assert flying.place is not None
     requests = SessionRequests(flying.job, flying.place)
     requests.follow(after(flying, m.Gust()))
-    assert [requests.take().gust for _ in range(3)] == [GUST, None, None]
+    assert requests.take().gust is None, "the flight has not begun"
+    requests.follow(reports(after(flying, m.Gust()), flight_step(flying.ends, 0)))
+    first, *later = [requests.take().gust for _ in range(3)]
+    assert isinstance(first, GustStrength) and 0 < first.velocity_mps <= LARGEST_GUST.velocity_mps
+    assert later == [None, None]
 
 
 def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened: Session) -> None:

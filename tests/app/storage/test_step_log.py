@@ -57,6 +57,17 @@ def test_recoveries_are_kept(tmp_path: Path) -> None:
     assert [step.recovery for step in read_steps(tmp_path)] == [SupervisorState.WIDENED] * 3
 
 
+def test_gusts_are_kept_and_steps_without_one_say_nothing_of_them(tmp_path: Path) -> None:
+    gusts = (None, 0.125, 0.0)
+    with open_step_log(tmp_path, about(), Episode.metrics) as log:
+        assert log is not None
+        for step, gust in zip(flown()[:3], gusts, strict=True):
+            log.append(NavigationStep(**{**vars(step), "gust_mps": gust}))
+    assert tuple(step.gust_mps for step in read_steps(tmp_path)) == gusts
+    lines = (tmp_path / "steps.jsonl").read_text().splitlines()
+    assert ["gust_mps" in line for line in lines] == [False, True, True]
+
+
 def test_each_step_is_on_disk_before_the_next_one_begins(tmp_path: Path) -> None:
     log = StepLog(tmp_path, about(), Episode.metrics)
     for count, step in enumerate(flown()[:4]):

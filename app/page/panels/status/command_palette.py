@@ -99,7 +99,7 @@ def entries() -> tuple[Shortcut, ...]:
         Shortcut("One time step back", _look(-1), "pageup", icon=icons.PLAYER_TRACK_PREV),
         Shortcut("One time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT),
         Shortcut("Step", _when("in_flight", StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step"),
-        Shortcut("Gust", _when("in_flight", Gust()), "G", icon=icons.WIND, hint="Push the robot once"),
+        Shortcut("Gust", _when("flight", Gust()), "G", icon=icons.WIND, hint="Push the robot once"),
         Shortcut("Kidnap the robot", _when("in_flight", KidnapRobot()), icon=icons.HAND_GRAB,
                  hint="Move it without a report to its filter"),
         Shortcut("Find the robot", _when("may_find", FindRobot()), icon=icons.MAP_SEARCH,

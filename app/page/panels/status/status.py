@@ -98,14 +98,25 @@ def describe_landing(flight: FlightRecord) -> str:
     hit = next((step.time for step in flight.steps if step.touched), last.time)
     texts = {
         EpisodeOutcome.REACHED: f"Arrived after {last.time:.1f} s, {far} from the goal",
-        EpisodeOutcome.COLLIDED: f"Collided at {hit:.1f} s; the flight ended {far} from the goal",
+        EpisodeOutcome.COLLIDED: f"Hit something at {hit:.1f} s, and ended {far} from the goal",
+        EpisodeOutcome.OUTSIDE: f"Left the place at {last.time:.1f} s, {far} from the goal",
         EpisodeOutcome.DIVERGED: f"Lost at {last.time:.1f} s, {far} from the goal: fly again with less noise",
         EpisodeOutcome.TIMEOUT: f"Not arrived after {last.time:.1f} s, {far} from the goal: allow more time",
         EpisodeOutcome.NO_PLAN: "Did not take off: no path to the goal was found",
         EpisodeOutcome.TOO_RISKY: "Did not take off: every path exceeds the accepted risk under this noise",
         EpisodeOutcome.STOPPED: f"Stopped at {last.time:.1f} s, {far} from the goal",
     }
-    return texts[last.outcome or EpisodeOutcome.STOPPED]
+    ended = texts[last.outcome or EpisodeOutcome.STOPPED]
+    return f"{ended}. {describe_gust(flight)}" if flight.gusts else ended
+
+
+def describe_gust(flight: FlightRecord) -> str:
+    """Describe the last gust of a flight, such as "Gust of 0.12 m/s at 1.4 s: survived."."""
+    pushed, last = flight.steps[flight.gusts[-1]], flight.steps[-1]
+    which = f"Last of {len(flight.gusts)} gusts, of" if len(flight.gusts) > 1 else "Gust of"
+    survived = last.outcome is None or not last.outcome.is_mishap
+    later = "survived" if survived else f"{last.time - pushed.time:.1f} s before the end"
+    return f"{which} {pushed.gust_mps:.2g} m/s at {pushed.time:.1f} s: {later}."
 
 
 def needs_confirmation(session: Session) -> bool:
@@ -122,7 +133,8 @@ def describe_activity(session: Session) -> str:
         return f"Paused after time step {max(0, session.steps_reported - 1)}"
     if job.kind is JobKind.FLY and session.flight is not None and session.flight.steps:
         doing = f": {session.flight.doing}" if session.flight.doing else ""
-        return f"Flying, time step {session.steps_reported}{doing}"
+        gust = f". {describe_gust(session.flight)}" if session.flight.gusts else ""
+        return f"Flying, time step {session.steps_reported}{doing}{gust}"
     if job.kind is JobKind.TRACK and session.track is not None and session.track.steps:
         return f"Tracking, frame {len(session.track.steps)}: {job.label}"
     done = "" if job.fraction is None else f" {100 * job.fraction:.0f} %"

@@ -7,11 +7,15 @@ import pytest
 import torch
 
 from nerfnav.core.errors import UnknownNameError
+from nerfnav.geometry import Box
 from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
-from nerfnav.navigation.flight import OperatorRequests
+from nerfnav.navigation.flight import NavigateConfig, OperatorRequests
+from nerfnav.navigation.simulator import Simulator
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.steps import PlanStep
+from nerfnav.robots import RigidState
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult
+from nerfnav_app.jobs.fly import setup
 from nerfnav_app.jobs.fly.fly import run
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.plan.plan import PlanRequest
@@ -64,6 +68,29 @@ def test_a_flight_that_is_asked_to_land_keeps_what_was_flown(place: Place, tmp_p
     assert summary["steps"] == 4
     assert Episode.load(tmp_path / "run").outcome is EpisodeOutcome.STOPPED
     assert (tmp_path / "run" / "trajectory.csv").is_file()
+
+
+def test_a_flight_that_hits_something_is_over_and_stored_unless_it_flies_on(
+    place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def touches(before: RigidState, after: RigidState) -> bool:
+        return bool(before.position[0] < 0 <= after.position[0])
+
+    monkeypatch.setattr(setup, "contact_function", lambda place: touches)
+    steps, _ = flown(run(replace(BLIND, out=tmp_path / "hit"), place))
+    assert [step.index for step in steps if step.touched] == [steps[-1].index] and len(steps) < 21
+    assert RunMetadata.load(tmp_path / "hit").outcome == "collided"
+    assert Episode.load(tmp_path / "hit").outcome is EpisodeOutcome.COLLIDED
+    route = replace(ROUTE, flight=NavigateConfig(fly_on=True))
+    steps, finished = flown(run(replace(BLIND, route=route), place))
+    assert len(steps) == 21 and finished.summary["outcome"] == "collided"
+
+
+def test_a_flight_ends_where_it_leaves_the_field(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(place.field.box.lower, torch.tensor([0.0, 1.0, 1.0]))
+    monkeypatch.setattr(setup, "Simulator", lambda *parts, **others: Simulator(*parts, **(others | {"box": box})))
+    steps, finished = flown(run(BLIND, place))
+    assert finished.summary["outcome"] == "outside" and len(steps) < 21
 
 
 def test_a_flight_that_is_cancelled_at_the_start_leaves_nothing(place: Place, tmp_path: Path) -> None:

@@ -26,7 +26,8 @@ def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     steps[2:4] = (replace(step, touched=True) for step in steps[2:4])
     steps[4:6] = (replace(step, recovery=SupervisorState.WIDENED) for step in steps[4:6])
     steps[6] = replace(steps[6], recovery=SupervisorState.RELOCALISED)
-    marks = list_marks(FlightRecord(ENDS, tuple(steps), gusts=(1,), goals_moved=(7,)))
+    steps[1] = replace(steps[1], gust_mps=0.2)
+    marks = list_marks(FlightRecord(ENDS, tuple(steps), goals_moved=(7,)))
     times = [step.time for step in steps]
     assert marks == (
         (times[1], "gust"), (times[2], "hit"), (times[4], "lost"), (times[6], "found"), (times[7], "goal moved"),
@@ -55,7 +56,8 @@ def test_words_of_marks_do_not_run_into_one_another_and_numbers_give_way() -> No
 def test_gusts_and_moves_of_the_goal_are_kept_with_their_flight(opened: Session) -> None:
     begun = after(planned(opened), m.StartFlight())
     flying = reports(begun, flight_step(begun.ends, 0), flight_step(begun.ends, 1))
-    moved = after(flying, m.Gust(), m.MoveEnd(EndRole.GOAL, End((0.1, 0.2, 0.5))))
+    moved = after(flying, m.MoveEnd(EndRole.GOAL, End((0.1, 0.2, 0.5))))
+    moved = reports(moved, replace(flight_step(begun.ends, 2), gust_mps=0.1))
     assert moved.flight is not None and moved.flight.gusts == moved.flight.goals_moved == (2,)
     started = after(flying, m.MoveEnd(EndRole.START, End((0.1, 0.2, 0.5))))
     assert started.flight is not None and started.flight.goals_moved == ()
