@@ -20,7 +20,7 @@ from nerfnav.navigation import NavigateConfig, WorldName
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.world import Task
-from nerfnav_app.cli.terminal import Output
+from nerfnav_app.cli.terminal import Output, note
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
@@ -236,6 +236,14 @@ class Route(Output):
 
 def _end_of(read: tuple[float, ...]) -> End:
     return End((read[0], read[1], read[2]), read[3] if len(read) == 4 else 0.0)
+
+
+def note_move(summary: dict[str, Any]) -> None:
+    """Tell the user of the ends that a job has put on the floor."""
+    rises = summary.get("ends", {}).get("moved_m", {})
+    if rises:
+        moved = " and ".join(f"the {end} by {rise:+.2f} m" for end, rise in rises.items())
+        note(f"the robot stands on the floor: its height was changed at {moved}")
 
 
 def with_settings(arguments: type[Any], settings: object) -> type[Any]:

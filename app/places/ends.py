@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
+import torch
+
 from nerfnav.geometry import Box, so3
-from nerfnav.robots import RigidState
+from nerfnav.robots import RigidState, Robot
 from nerfnav.world import Task
 from nerfnav_app.places.place import Place
 
@@ -40,19 +42,27 @@ class End:
         x, y, z = state.position.tolist()
         return cls((round(x, 4), round(y, 4), round(z, 4)), round(so3.yaw_of(state.rotation).item(), 4))
 
-    def clamp_inside(self, box: Box, margin: float) -> "End":
-        """The nearest end whose position is at least `margin` [m] inside the box, its yaw in -pi to pi."""
-        lower, upper = (box.lower + margin).tolist(), (box.upper - margin).tolist()
+    def clamp_inside(self, box: Box, robot: Robot) -> "End":
+        """The nearest end at which the robot is surely inside the box, its yaw in -pi to pi."""
+        lower, upper = _middles(box, robot)
         x, y, z = (
             round(min(max(value, low), high), 4) for value, low, high in zip(self.position, lower, upper, strict=True)
         )
         return End((x, y, z), math.remainder(self.yaw, math.tau))
 
-    def misfits(self, box: Box, margin: float) -> list[tuple[str, float, float]]:
-        """The axes along which it is not `margin` [m] inside the box, each with the least and largest value [m]."""
-        lower, upper = (box.lower + margin).tolist(), (box.upper - margin).tolist()
+    def misfits(self, box: Box, robot: Robot) -> list[tuple[str, float, float]]:
+        """The axes along which the robot is not surely inside the box, each with the least and largest value [m]."""
+        lower, upper = _middles(box, robot)
         rows = zip("xyz", self.position, lower, upper, strict=True)
         return [(axis, low, high) for axis, value, low, high in rows if not low - _TYPED_M <= value <= high + _TYPED_M]
+
+
+def _middles(box: Box, robot: Robot) -> tuple[list[float], list[float]]:
+    """Least and largest position at which the robot is inside the box: in every attitude, or level on the ground."""
+    radius = robot.body.radius
+    # a long robot on the ground is lower than it is long: its radius above the floor it would hang in the air
+    margin = torch.tensor([radius, radius, 0.5 * robot.body.extents[2] if robot.planar else radius])
+    return (box.lower.cpu() + margin).tolist(), (box.upper.cpu() - margin).tolist()
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from nerfnav_app.queries import (
     field_view,
     first_ends,
     following_plan,
+    ground,
     more_time,
     place_list,
     robot_view,
@@ -30,6 +31,7 @@ _KINDS: list[type[Query[Any]]] = [
     run_list.RunListQuery,
     place_list.PlaceListQuery,
     click_landing.ClickLandingQuery,
+    ground.GroundQuery,  # which moves the ends of plans
     surface_point.SurfacePointQuery,
     following_plan.FollowingPlanQuery,
     end_fit.EndFitQuery,
@@ -44,7 +46,7 @@ _KINDS: list[type[Query[Any]]] = [
 ]
 
 
-_WHILE_HELD = (following_plan.FollowingPlanQuery, end_fit.EndFitQuery)
+_WHILE_HELD = (following_plan.FollowingPlanQuery, end_fit.EndFitQuery, ground.GroundQuery)
 """Queries while the user drags an end; all others wait, so that these come first."""
 
 

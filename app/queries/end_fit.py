@@ -8,6 +8,7 @@ from nerfnav.geometry import so3
 from nerfnav.planner import OccupancyConfig, explain_unfit, fits, nearest_free_pose
 from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End, EndRole
+from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
 
@@ -22,9 +23,23 @@ class EndFit:
     """The nearest end at which the robot fits, where it does not fit here."""
 
 
+def check_fit(place: Place, which: EndRole, end: End) -> EndFit:
+    """Check the fit of a place's robot at an end; `place` is as planners see it."""
+    body, state, name = place.robot.body, end.state(), which.value
+    occupancy = build_occupancy(place, OccupancyConfig(), end.position[2])
+    if fits(place.field, body, state, occupancy.scales.threshold):
+        return EndFit(None)
+    nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit(place.field, body, state)
+    if nearest is None:
+        return EndFit(f"the {name} {wrong}, far from any free point.")
+    x, y, z = nearest.position.tolist()
+    problem = f"the {name} {wrong}; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
+    return EndFit(problem, End((x, y, z), so3.yaw_of(nearest.rotation).item()))
+
+
 @dataclass(frozen=True)
 class EndFitQuery(Query[EndFit]):
-    """Query for the fit of the robot at this end."""
+    """Query for the fit of a robot that flies at this end; of others see ground.py."""
 
     which: EndRole
     end: End
@@ -34,7 +49,7 @@ class EndFitQuery(Query[EndFit]):
     @classmethod
     def pending(cls, session: Session) -> Iterator["EndFitQuery"]:
         """Ask for each end that was not checked at its present pose, once first ends are found."""
-        if session.seeking:
+        if session.place is None or session.seeking or session.place.robot.planar:  # see ground.py
             return
         for which in EndRole:
             if which not in session.problems:
@@ -42,17 +57,7 @@ class EndFitQuery(Query[EndFit]):
 
     def answer(self, resources: Resources) -> EndFit:
         """Check the density at all body points, as plans do."""
-        place = prepare_place(resources.place, self.unknown)
-        body, state, name = place.robot.body, self.end.state(), self.which.value
-        occupancy = build_occupancy(place, OccupancyConfig(), self.end.position[2])
-        if fits(place.field, body, state, occupancy.scales.threshold):
-            return EndFit(None)
-        nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit(place.field, body, state)
-        if nearest is None:
-            return EndFit(f"the {name} {wrong}, far from any free point.")
-        x, y, z = nearest.position.tolist()
-        problem = f"the {name} {wrong}; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
-        return EndFit(problem, End((x, y, z), so3.yaw_of(nearest.rotation).item()))
+        return check_fit(prepare_place(resources.place, self.unknown), self.which, self.end)
 
     def apply(self, session: Session, result: EndFit) -> Session:
         """Keep the problem of the end, unless the end was moved meanwhile."""

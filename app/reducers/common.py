@@ -28,7 +28,9 @@ def add_notice(session: Session, title: str, body: str, bad: bool = False) -> Se
 
 def move_end(session: Session, place: Place, which: EndRole, end: End, held: bool = False) -> Session:
     """Move an end, which stays inside the box; `held` while the user still drags it."""
-    end = end.clamp_inside(place.field.box, margin=place.robot.body.radius)
+    end = end.clamp_inside(place.field.box, place.robot)
+    if session.held and not held and place.robot.planar:  # let go: now it may drop onto the floor
+        session = replace(session, problems=_without(session.problems, which), offers=_without(session.offers, which))
     if session.held != held or which in session.outside:
         session = replace(session, held=held, outside=_without(session.outside, which))
     if end == session.ends.of(which):
@@ -40,9 +42,21 @@ def move_end(session: Session, place: Place, which: EndRole, end: End, held: boo
     )  # fmt: skip
 
 
+def move_ends(session: Session, ends: Ends) -> Session:
+    """Move both ends to where the robot stands; a plan and a flight between the ends as they were are between these."""
+    given, plan, flight = session.ends, session.plan, session.flight
+    if ends == given:
+        return session
+    if plan is not None and plan.ends == given:
+        plan = replace(plan, ends=ends)
+    flight = replace(flight, ends=ends) if flight is not None and flight.ends == given else None
+    moved = replace(session, ends=ends, plan=plan)
+    return replace(moved, flight=_redirect_flight(moved, ends) if flight is None else flight)
+
+
 def type_end(session: Session, place: Place, which: EndRole, end: End) -> Session:
     """Move an end to a typed pose, or keep the typed pose aside where it lies outside."""
-    if not end.misfits(place.field.box, place.robot.body.radius):
+    if not end.misfits(place.field.box, place.robot):
         return move_end(session, place, which, end)
     return replace(session, outside={**session.outside, which: end})
 

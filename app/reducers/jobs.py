@@ -57,6 +57,10 @@ def command_job(session: Session, command: JobCommand) -> Session:
             return cancel_job(session)
 
 
+_BETWEEN_ENDS = (JobKind.PLAN, JobKind.COMPARE, JobKind.FLY)
+"""Jobs that need start and goal."""
+
+
 def begin_job(
     session: Session, kind: JobKind, request: DownloadRequest | None = None, anyway: PlanRecord | None = None
 ) -> Session:
@@ -66,10 +70,14 @@ def begin_job(
     """
     if not session.may_begin:
         return add_notice(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
+    # the middle of the box, where ends are until they are found, may do for a robot that flies, and is no floor
+    waits = session.seeking and session.place is not None and session.place.robot.planar
+    if waits and kind in _BETWEEN_ENDS:
+        return add_notice(session, "Not yet", "Start and goal are still searched: wait a moment.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, request=request)
     if kind is JobKind.FLY:
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
-    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
+    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=waits)
     if kind is JobKind.COMPARE:
         return replace(fresh, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE, JobKind.TRACK):

@@ -84,8 +84,10 @@ def make_choice(session: Session, place: Place, choice: Choice) -> Session:
     changed = replace(session, choice=choice)
     if choice.robot == session.choice.robot:
         return changed
-    # plans and flights belong to another body
-    return enter_place(discard_results(changed), place)
+    # plans and flights belong to another body, and so does one that waits for the place
+    left = discard_results(changed)
+    job = None if left.job is None else replace(left.job, plan_after=False)
+    return enter_place(replace(left, job=job), place)
 
 
 def _choose_task(session: Session, place: Place, name: str) -> Session:

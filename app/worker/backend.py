@@ -24,6 +24,7 @@ from nerfnav_app.jobs.plan import compare_planners, plan
 from nerfnav_app.jobs.subprocess_job import run_in_subprocess
 from nerfnav_app.jobs.track import localize
 from nerfnav_app.places.derived import prepare_place
+from nerfnav_app.places.ground import put_on_ground
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import QualityName
 from nerfnav_app.queries.following_plan import plan_request
@@ -67,7 +68,8 @@ class NavigationBackend:
                 routes = [self._plan_request(session, job, place, name) for name in planners.names()]
                 return compare_planners.run(routes, place)
             case JobKind.FLY:
-                self._requests = SessionRequests(job, place)
+                ends = put_on_ground(place, job.ends, session.plan_settings.unknown)
+                self._requests = SessionRequests(replace(job, ends=ends), place)
                 return self._requests.watch(fly.run(self._fly_request(session, job, place, self._requests), place))
             case JobKind.PLACE:
                 return self._georeference(session, job)

@@ -50,6 +50,7 @@ from nerfnav.planner import (
     fits,
     path_length,
     planners,
+    settle_ends,
 )
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.robots import Quadrotor, RigidState, Robot, StateNoise
@@ -138,6 +139,9 @@ def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
 
 def fly_problem(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> list[NavigationStep]:
     """Fly the problem of a trial and return its time steps; none where it cannot begin."""
+    supports = settle_ends(arena.field, problem.field, problem.robot, problem.start, problem.goal)
+    if any(support.footing.is_refused for support in supports):
+        return []
     try:
         return [event for event in _flight(arena, problem, trial) if isinstance(event, NavigationStep)]
     except (OccupiedError, OutsideBoxError):
@@ -148,7 +152,18 @@ def find_task(arena: Arena, trial: FlightTrial) -> Task:
     """Task of a trial, for the robot that flies."""
     if trial.task is None:
         return random_task(arena, trial.seed, None if trial.robot is None else _robot(trial.robot))
-    return trial.task if trial.robot is None else replace(trial.task, robot=trial.robot)
+    return trial.task if trial.robot is None else _stand(arena, replace(trial.task, robot=trial.robot))
+
+
+def _stand(arena: Arena, task: Task) -> Task:
+    """Put the ends of another robot's task on the floor; those without one stay, and are refused before take-off."""
+    robot = _robot(task.robot)
+    if not robot.planar:
+        return task
+    field = planning_field(arena.field, UnknownSpace.OCCUPIED)
+    supports = settle_ends(arena.field, field, robot, task.start_state, task.goal_state)
+    first, last = (round(support.state.position[2].item(), 4) for support in supports)
+    return replace(task, start=(*task.start[:2], first), goal=(*task.goal[:2], last))
 
 
 def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:

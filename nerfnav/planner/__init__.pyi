@@ -47,6 +47,10 @@ from .space.astar import SearchConfig as SearchConfig
 from .space.ends import explain_unfit as explain_unfit
 from .space.ends import fits as fits
 from .space.ends import nearest_free_pose as nearest_free_pose
+from .space.ground import Footing as Footing
+from .space.ground import Support as Support
+from .space.ground import settle_ends as settle_ends
+from .space.ground import settle_on_ground as settle_on_ground
 from .space.occupancy import OccupancyConfig as OccupancyConfig
 from .space.occupancy import OccupancyMap as OccupancyMap
 from .space.scales import scales_of as scales_of

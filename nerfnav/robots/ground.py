@@ -11,7 +11,7 @@ from nerfnav.geometry import so3
 from nerfnav.robots.robot import Robot, penalty
 from nerfnav.robots.state import Motion, RigidState
 
-_LEVEL = 1e-3
+LEVEL = 1e-3
 """Tilt [rad], height [m] and vertical speed [m/s] that count as none."""
 
 
@@ -36,14 +36,14 @@ class GroundRobot(Robot):
     def check_ends(self, start: RigidState, goal: RigidState) -> None:
         """Raise InvalidInputError unless both ends are level and at one height."""
         for which, state in (("start", start), ("goal", goal)):
-            tilted = state.rotation[..., 2, 2] < 1 - _LEVEL
-            rising = state.velocity[..., 2].abs() > _LEVEL
-            rolling = state.body_rate[..., :2].abs().amax(-1) > _LEVEL
+            tilted = state.rotation[..., 2, 2] < 1 - LEVEL
+            rising = state.velocity[..., 2].abs() > LEVEL
+            rolling = state.body_rate[..., :2].abs().amax(-1) > LEVEL
             if bool((tilted | rising | rolling).any()):
                 raise InvalidInputError(
                     f"a {self.name} moves on the ground: its {which} must be level and stay at its height"
                 )
-        if bool(((goal.position - start.position)[..., 2].abs() > _LEVEL).any()):
+        if bool(((goal.position - start.position)[..., 2].abs() > LEVEL).any()):
             raise InvalidInputError(
                 f"a {self.name} stays at the height of its start, {start.position[..., 2].item():.3f} m: "
                 f"the goal cannot be at {goal.position[..., 2].item():.3f} m"

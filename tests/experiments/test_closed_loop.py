@@ -10,14 +10,16 @@ import torch
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.core.steps import run_steps
 from nerfnav.experiments import closed_loop_flight
+from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.closed_loop import REFUSED, draw_figure, fly, is_silent, run, summarize, trials_of, wilson
-from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, random_task
+from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, find_task, random_task
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.experiments.study import Study
 from nerfnav.navigation import EpisodeOutcome, FlightRequest, FlightStep, NavigationStack, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
+from tests.planner.grounds import hall
 
 TRUTH = FlightOptions(truth=True)
 
@@ -195,3 +197,14 @@ def test_flights_by_camera_and_with_the_truth_fill_one_table() -> None:
     ]  # fmt: skip
     assert len({tuple(row) for row in results.rows}) == 1
     assert results.summary["truth_reached"] == 2
+
+
+def test_a_task_of_another_robot_is_driven_on_the_floor_and_refused_above_a_hole() -> None:
+    place = Arena(column().scene, hall())
+    task = Task("drive", (-1.2, -0.5, 0.7), (-0.3, -0.4, 0.7))
+    stands = find_task(place, FlightTrial(task, 1, robot="diffdrive"))
+    assert stands.start[:2] == task.start[:2] and stands.start[2] == stands.goal[2]
+    assert 0.1 < stands.start[2] - 0.5 * load("diffdrive").body.extents[2] < 0.18
+    assert find_task(place, FlightTrial(task, 1, robot="quadrotor25")).start == task.start
+    hole = FlightTrial(replace(task, goal=(0.55, -0.4, 0.7)), 1, robot="diffdrive")
+    assert fly(place, hole)["row"]["outcome"] == REFUSED

@@ -10,7 +10,7 @@ from tyro.conf import Suppress, arg
 from nerfnav.estimator import estimators
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
-from nerfnav_app.cli.arguments import Route, find_planner, with_settings
+from nerfnav_app.cli.arguments import Route, find_planner, note_move, with_settings
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.fly.fly import run as run_job
@@ -78,6 +78,7 @@ def run(arguments: Any) -> None:
         task=arguments.task_name(place),
         out=arguments.out or RunStore().new(place.name),
     )
-    run_and_print(f"flight in {place.name}", run_job(request, place), arguments.json, can_stop_early=True)
+    title = f"flight in {place.name}"
+    note_move(run_and_print(title, run_job(request, place), arguments.json, can_stop_early=True).summary)
     if arguments.out is None:
         note(f"the flight is kept in {request.out}")

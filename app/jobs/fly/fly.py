@@ -14,6 +14,7 @@ from nerfnav_app.jobs.export.recording import TRAJECTORY
 from nerfnav_app.jobs.fly.request import FlyRequest, GoalRecorder
 from nerfnav_app.jobs.fly.setup import begin
 from nerfnav_app.jobs.plan.plan import plan_steps
+from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder, write_text
 from nerfnav_app.storage.run_metadata import RunMetadata
@@ -59,6 +60,9 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     Send True to land early: the flight so far is then reported and stored, with the outcome "stopped".
     Raises NerfnavError where the request cannot be worked with.
     """
+    given = request.route.ends
+    ends = put_on_ground(place, given, request.route.unknown)
+    request = replace(request, route=replace(request.route, ends=ends))
     out = None if request.out is None else prepare_folder(request.out)
     plan = request.plan
     if plan is None:
@@ -85,7 +89,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             if stop and flown:
                 break
     episode = Episode.of(flown)
-    summary = summary_of(episode, place)
+    summary = summary_of(episode, place) | describe_move(given, ends)
     return JobResult(summary, () if out is None else save(out, episode, place))
 
 

@@ -34,6 +34,7 @@ from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summary_of
 from nerfnav_app.places.derived import build_occupancy, planning_robot, prepare_place
 from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder
 
@@ -105,8 +106,10 @@ class PlanRequest:
 def run(request: PlanRequest, place: Place) -> JobEvents:
     """Yield every iteration of the planner; return the numbers of the last one and what was written.
 
-    Raises NerfnavError where the request cannot be worked with.
+    The ends of a robot on the ground are put on the floor first. Raises NerfnavError where the request cannot be worked
+    with.
     """
+    given, request = request.ends, replace(request, ends=put_on_ground(place, request.ends, request.unknown))
     planning = prepare_place(place, request.unknown)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
@@ -128,6 +131,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
         planned = replace(planned, outcome=PlanOutcome.TOUCHES_MESH)
         yield planned
     summary = summary_of(planned, planning, worked_s, overlap, _risk_of(planned.motion, request, place))
+    summary |= describe_move(given, request.ends)
     return JobResult(summary, () if out is None else save(out, planned.motion, planning, summary, request.unknown))
 
 
@@ -152,7 +156,7 @@ def make_planner(request: PlanRequest, place: Place) -> tuple[Planner, SafetyFil
 def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     """Plan as often as the request needs: for the duration, for what the camera sees, for the bound on collisions.
 
-    This is the first plan of a flight by the same request.
+    This is the first plan of a flight by the same request. Its ends are on the floor already, as both jobs see to it.
     """
     planner, _ = make_planner(request, place)
     if request.draft:

@@ -19,6 +19,7 @@ from nerfnav.planner.active_yaw import wrap_yaw
 from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
 from nerfnav.planner.space.border import holds_level
 from nerfnav.planner.space.ends import fits
+from nerfnav.planner.space.ground import settle_ends
 from nerfnav.planner.space.occupancy import OccupancyMap, dense_at
 from nerfnav.planner.space.regions import Region, free_regions, ground_regions
 from nerfnav.planner.space.scales import threshold_of
@@ -123,11 +124,17 @@ def _pair_in(
     def judged() -> Iterator[_Judged]:
         for one, other in _ranked(points, seen, matter, apart, config):
             pair = _with_headings(points[one], points[other], (seen[one], seen[other]), occupancy, robot)
-            if pair and all(fits(field, robot.body, state, occupancy.scales.threshold) for state in pair):
+            if pair and _may_stand(pair, field, matter, robot, occupancy.scales.threshold):
                 risk = _risk_between(pair, field, robot, occupancy)
                 yield _Judged(pair, max(risk, min(risk + _risk_at(pair, field, robot, occupancy), _CRAMPED)))
 
     return _safest(judged(), np.inf)
+
+
+def _may_stand(pair: Pair, field: Field, matter: Field, robot: Robot, threshold: float) -> bool:
+    """Check that the body fits at both ends, and that a floor carries a robot on the ground."""
+    carried = all(not support.footing.is_refused for support in settle_ends(matter, field, robot, *pair))
+    return carried and all(fits(field, robot.body, state, threshold) for state in pair)
 
 
 def _risk_at(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:

@@ -1,1 +1,1 @@
-"""Free space: scales, border of the field, occupancy maps, A*, regions, and ends at which a body fits."""
+"""Free space: scales, border of the field, occupancy maps, A*, regions, ends at which a body fits, and the ground."""

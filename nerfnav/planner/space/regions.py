@@ -24,7 +24,7 @@ _COLUMNS, _LEVELS = 120, 240
 """Most samples along each horizontal edge and along the height in the search for ground."""
 _FLOORS = 3
 """Number of heights with the most ground that are tried."""
-_GAPS = (1.0, 2.0, 3.5)
+GAPS = (1.0, 2.0, 3.5)
 """Distances of the body's underside from the ground that are tried [nodes of the field]: the haze on it is solid."""
 
 
@@ -118,7 +118,7 @@ class _Levels:
             best = int(counts.argmax())
             if counts[best] <= 0:
                 return
-            for index, gap in enumerate(_GAPS):
+            for index, gap in enumerate(GAPS):
                 height = float(self.z[best]) + (gap + 0.5) * self.grain + self.half
                 if height + self.half < self.z[-1]:
                     yield index, (round(height, 3), gap * self.grain)

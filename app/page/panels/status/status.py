@@ -50,9 +50,11 @@ def status(session: Session) -> Status:
         return Status(f"{track_ended(session.track)}.", fine if located else warning)
     if session.outside:
         return Status(describe_outside(session), warning)
-    blocked = [which.value for which in EndRole if session.problems.get(which) is not None]
-    if blocked:
-        return Status(f"The robot does not fit at the {' and the '.join(blocked)}: move it into free space.", warning)
+    problems = {which.value: text for which in EndRole if (text := session.problems.get(which)) is not None}
+    if problems and session.place.robot.planar:  # which may fit, with nothing to stand on
+        return Status(" ".join(map(sentence, problems.values())), warning)
+    if problems:
+        return Status(f"The robot does not fit at the {' and the '.join(problems)}: move it into free space.", warning)
     if needs_confirmation(session) and plan is not None:
         return Status(f"{explain_unsafe_plan(plan, session)} Fly anyway?", warning)
     if plan is not None and plan.latest is not None and not session.flight_is_shown:
@@ -63,11 +65,11 @@ def status(session: Session) -> Status:
 def describe_outside(session: Session) -> str:
     """Explain why the typed numbers of start or goal were rejected."""
     assert session.place is not None, "ends are typed in an open place"
-    box, margin = session.place.field.box, session.place.robot.body.radius
+    box, robot = session.place.field.box, session.place.robot
     texts = []
     for which, end in session.outside.items():
         at = ", ".join(f"{value:g}" for value in end.position)
-        room = " and ".join(f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in end.misfits(box, margin))
+        room = " and ".join(f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in end.misfits(box, robot))
         texts.append(f"The {which.value} cannot be at {at}: the robot is inside the place with {room} m.")
     return " ".join(texts)
 
