@@ -1,5 +1,7 @@
 from . import planners as planners
 from .baselines.rrt import RRTConfig as RRTConfig
+from .objective.clearance import SafetyConfig as SafetyConfig
+from .objective.clearance import measure_clearance as measure_clearance
 from .objective.objective import Objective as Objective
 from .objective.problem import InitialGuess as InitialGuess
 from .objective.problem import PlanProblem as PlanProblem
@@ -8,10 +10,8 @@ from .objective.problem import map_for as map_for
 from .objective.problem import path_length as path_length
 from .objective.safety import NEAR_CERTAIN as NEAR_CERTAIN
 from .objective.safety import Safety as Safety
-from .objective.safety import SafetyConfig as SafetyConfig
 from .objective.safety import assess_safety as assess_safety
 from .objective.safety import downgrade_outcome as downgrade_outcome
-from .objective.safety import measure_clearance as measure_clearance
 from .planners import PLANNERS as PLANNERS
 from .planners.fast import FastPlanner as FastPlanner
 from .planners.planner import RISK as RISK

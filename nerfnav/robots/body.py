@@ -1,9 +1,11 @@
 """Body of a robot: points to sample densities at, and a solid to judge against a mesh.
 
-Solids are closed meshes, read, checked, and filled with points.
+Solids are closed meshes, read, checked, and filled with points. Densities are taken at points, and distances from the
+surface, which is exact for boxes, meshes and unions of balls.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +15,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.robots.body_points import MOST_POINTS, place_points, push_of
 from nerfnav.robots.state import RigidState
+from nerfnav.robots.surface import BodySurface
 
 if TYPE_CHECKING:
     import trimesh  # slow to import, and most bodies are boxes
@@ -21,8 +25,6 @@ if TYPE_CHECKING:
 
 _SMALLEST, _LARGEST = 0.005, 5.0
 """Longest edge of a body [m] below or above which its mesh is surely in other units."""
-_MOST_POINTS = 5000
-"""Body points from which on planning takes seconds."""
 
 
 def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool) -> "trimesh.Trimesh":
@@ -34,6 +36,7 @@ def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool)
     mesh = (mesh.convex_hull if hull else mesh).copy()
     if not mesh.is_watertight:
         raise InvalidInputError("a body's mesh must be closed, or nothing is inside: close it, or take its hull")
+    _check_count(mesh, spacing)
     mesh.apply_translation(-mesh.bounds.mean(0))
     return mesh
 
@@ -62,29 +65,18 @@ def _checked(mesh: "trimesh.Trimesh", spacing: float) -> "trimesh.Trimesh":
         )
     if not spacing > 0:
         raise InvalidInputError(f"the spacing of body points must be above 0 m, not {spacing}")
-    if float(np.prod(mesh.extents / spacing + 1)) > _MOST_POINTS:
-        raise InvalidInputError(
-            f"a body {size:g} m long with points {spacing:g} m apart would have more than {_MOST_POINTS} of them: "
-            "take a larger spacing"
-        )
     return mesh
 
 
-def fill_with_points(mesh: "trimesh.Trimesh", spacing: float) -> np.ndarray:
-    """Fill a mesh around the origin with points (b, 3) on its surface and inside, in a fixed order."""
-    import trimesh
-
-    corners, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)[:2]
-    # of the surface, the point nearest to each node of a grid; of the inside, the middles of cells, clear of flat faces
-    counts = np.ceil(mesh.extents / spacing).astype(int)
-    axes = [edge * ((np.arange(n) + 0.5) / n - 0.5) for edge, n in zip(mesh.extents, counts, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    surface = corners[np.unique(faces)]
-    cell = np.round(surface / spacing).astype(int)
-    nearness = np.linalg.norm(surface - cell * spacing, axis=-1)
-    order = np.lexsort((nearness, *cell.T))
-    _, first = np.unique(cell[order], axis=0, return_index=True)
-    return np.concatenate([surface[order[first]], grid[mesh.contains(grid)]])
+def _check_count(mesh: "trimesh.Trimesh", spacing: float) -> None:
+    """Refuse a body that would have too many points, before they are placed."""
+    in_box = float(np.prod(mesh.extents / spacing + 1))
+    in_solid = float(mesh.area / spacing**2 + mesh.volume / spacing**3)  # less for what fills little of its box
+    if min(in_box, in_solid) > MOST_POINTS:
+        raise InvalidInputError(
+            f"a body {float(mesh.extents.max()):g} m long with points {spacing:g} m apart would have more than "
+            f"{MOST_POINTS} of them: take a larger spacing"
+        )
 
 
 @dataclass(frozen=True)
@@ -97,6 +89,10 @@ class Body:
     """Points of the body at which densities are taken [m]."""
     solid: "trimesh.Trimesh | None" = None
     """Its closed surface in the body's axes [m]; None: the whole box."""
+    push: Float[Tensor, "b 3"] | None = None
+    """Way of each point in a metre of growth, as thin parts need it; None: in proportion to the box."""
+    balls: Float[Tensor, "k 4"] | None = None
+    """Middles and radii [m] of the balls whose union the body is, and `solid` its mesh; None: it is no such union."""
 
     @classmethod
     def box(cls, extents: tuple[float, float, float], counts: tuple[int, int, int]) -> "Body":
@@ -109,27 +105,44 @@ class Body:
 
     @classmethod
     def from_mesh(cls, source: "trimesh.Trimesh | Path | str", spacing: float = 0.02, *, hull: bool = False) -> "Body":
-        """Make a body of any shape: a closed mesh [m], or a file of one, filled with points about `spacing` [m] apart.
+        """Make a body of any shape: a closed mesh [m], or a file of one, filled with points about `spacing` [m] apart,
+        and closer in parts that are thinner than that.
 
         The middle of its bounding box becomes the body's origin; x is forward and z up. With `hull` the body is the
-        mesh's convex hull, which any mesh has. Raises InvalidInputError for what is no such mesh, or absurdly large.
+        mesh's convex hull, which any mesh has. Raises InvalidInputError for what is no such mesh, or absurdly large,
+        or has a part thinner than 1 mm.
         """
         mesh = solid_of(source, spacing, hull)
         x, y, z = (float(edge) for edge in mesh.extents)
-        return cls((x, y, z), torch.from_numpy(fill_with_points(mesh, spacing)).float(), mesh)
+        found = place_points(mesh, spacing)
+        push = None if found.push is None else torch.from_numpy(found.push).float()
+        return cls((x, y, z), torch.from_numpy(found.points).float(), mesh, push)
 
     def points_at(self, states: RigidState) -> Float[Tensor, "*batch b 3"]:
         """Compute the places of its points in the world [m], at states of batch shape (*batch)."""
         points_body = self.points_body.to(states.position)
         return points_body @ states.rotation.transpose(-1, -2) + states.position[..., None, :]
 
+    @cached_property
+    def surface(self) -> BodySurface:
+        """Its surface in the body's axes, from which distances are measured."""
+        if self.balls is not None:
+            return BodySurface.of_balls(self.balls.double().cpu().numpy())
+        return BodySurface.of_box(self.extents) if self.solid is None else BodySurface.of_mesh(self.solid)
+
     def grown(self, margin: float, *, upright: bool = True) -> "Body":
         """Grow the body: every face of its box moves outwards by `margin` [m], and all else in proportion.
 
-        Without `upright` top and bottom stay where they are.
+        Without `upright` top and bottom stay where they are. Of a body with thin parts all of the surface moves
+        outwards by `margin`, or an arm would grow in length alone.
         """
         rise = margin if upright else 0.0
         x, y, z = (edge + 2 * more for edge, more in zip(self.extents, (margin, margin, rise), strict=True))
+        if self.push is not None and self.solid is not None:
+            more = torch.tensor([margin, margin, rise])
+            solid = self.solid.copy()
+            solid.vertices = solid.vertices + push_of(solid) * more.numpy()
+            return Body((x, y, z), self.points_body + self.push * more, solid, self.push)
         stretch = torch.tensor([x, y, z]) / torch.tensor(self.extents)
         solid = None if self.solid is None else self.solid.copy().apply_scale(stretch.tolist())
         return Body((x, y, z), self.points_body * stretch.to(self.points_body), solid)

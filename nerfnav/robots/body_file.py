@@ -7,18 +7,23 @@
     urdf: robot.urdf                              # the convex hull of its collision geometry
 
 All but a box have their origin in the middle of their bounding box. `spacing` says how far apart the points are at
-which densities are taken; a box may give their number along each edge: `points: [6, 6, 3]`.
+which densities are taken, at most: in parts thinner than that (arms, rods, plates, small spheres) they are as close as
+the thickness asks. A box may give their number along each edge: `points: [6, 6, 3]`. Parts are at least 1 mm thick.
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
+import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import import_extra
 from nerfnav.robots.body import Body, read_mesh
+from nerfnav.robots.body_points import FINEST, FOURTH, MANY, MOST_POINTS, THINNEST
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,6 +31,8 @@ if TYPE_CHECKING:
 Vector = tuple[float, float, float]
 _SIDES, _MANY = 32, 3000
 """Sides of a cylinder, and body points that are many."""
+_SMALL = 0.1
+"""Radius [m] up to which 320 triangles follow a sphere to 1 mm; larger ones have 1280."""
 
 
 class Cylinder(msgspec.Struct, forbid_unknown_fields=True):
@@ -58,16 +65,20 @@ def body_of(entry: BodyFile, folder: Path) -> tuple[Body, tuple[int, int, int]]:
     if len(given) != 1:
         raise InvalidInputError(f"a body is one of {', '.join(shapes)}, and this one has {len(given)} of them")
     if entry.box is not None:
-        _check_lengths("box", *entry.box)
-        counts = entry.points or _counts(entry.box, entry.spacing or spacing_for(entry.box))
-        if min(counts) < 1 or math.prod(counts) > 5000:
-            raise InvalidInputError(f"the points of a body are at least 1 along an edge and at most 5000, not {counts}")
+        _check_thickness("box", *entry.box)
+        counts = entry.points or _counts(entry.box, entry.spacing or _spacing_in(entry.box))
+        if min(counts) < 1 or math.prod(counts) > MOST_POINTS:
+            raise InvalidInputError(
+                f"the points of a body are at least 1 along an edge and at most {MOST_POINTS}, not {counts}"
+            )
         return Body.box(entry.box, counts), counts
     if entry.points is not None:
         raise InvalidInputError("points are counted along the edges of a box: give a spacing")
     mesh, hull = _mesh_of(entry, folder)
     spacing = entry.spacing or spacing_for(tuple(mesh.extents))
     body = Body.from_mesh(mesh, spacing, hull=hull)
+    if entry.spheres is not None:
+        body = replace(body, balls=_balls(entry.spheres))
     return body, _counts(body.extents, spacing)
 
 
@@ -78,6 +89,23 @@ def spacing_for(extents: Vector) -> float:
     """
     longest = max(extents)
     return max(min(max(0.2 * longest, min(0.25 * longest, 0.025)), 0.08), (math.prod(extents) / _MANY) ** (1 / 3))
+
+
+def _spacing_in(box: Vector) -> float:
+    """Distance between the points of a box [m]: of one thinner than suits its size, as its thickness asks."""
+    usual, (x, y, z) = spacing_for(box), box
+    if min(box) >= usual:
+        return usual
+    affordable = (2 * (x * y + y * z + z * x) / MANY) ** 0.5
+    return min(usual, max(FINEST, FOURTH * min(box), affordable))
+
+
+def _balls(spheres: list[tuple[float, float, float, float]]) -> torch.Tensor:
+    """Collect spheres as (k, 4), around the middle of the box around them."""
+    balls = np.array(spheres, float)
+    middle, radius = balls[:, :3], balls[:, 3:]
+    balls[:, :3] -= 0.5 * ((middle - radius).min(0) + (middle + radius).max(0))
+    return torch.from_numpy(balls)
 
 
 def _counts(extents: Vector, spacing: float) -> tuple[int, int, int]:
@@ -91,7 +119,7 @@ def _mesh_of(entry: BodyFile, folder: Path) -> "tuple[trimesh.Trimesh, bool]":
     import trimesh
 
     if entry.cylinder is not None:
-        _check_lengths("cylinder", entry.cylinder.radius, entry.cylinder.height)
+        _check_thickness("cylinder", 2 * entry.cylinder.radius, entry.cylinder.height)
         return trimesh.creation.cylinder(entry.cylinder.radius, entry.cylinder.height, sections=_SIDES), False
     if entry.spheres is not None:
         return _union(entry.spheres), False
@@ -110,8 +138,10 @@ def _union(spheres: list[tuple[float, float, float, float]]) -> "trimesh.Trimesh
         raise InvalidInputError("a body of spheres has at least one: [x, y, z, radius]")
     balls = []
     for *middle, radius in spheres:
-        _check_lengths("sphere", radius, *(abs(number) + radius for number in middle))
-        balls.append(trimesh.creation.icosphere(subdivisions=2, radius=radius).apply_translation(middle))
+        _check_thickness("sphere", 2 * radius)
+        _check_lengths("sphere", *(abs(number) + radius for number in middle))
+        fineness = 2 if radius <= _SMALL else 3
+        balls.append(trimesh.creation.icosphere(subdivisions=fineness, radius=radius).apply_translation(middle))
     return balls[0] if len(balls) == 1 else trimesh.boolean.union(balls)
 
 
@@ -135,3 +165,9 @@ def _collision_geometry(path: Path) -> "trimesh.Trimesh":
 def _check_lengths(what: str, *lengths: float) -> None:
     if not all(0 < length < math.inf for length in lengths):
         raise InvalidInputError(f"the lengths of a {what} are above 0 m")
+
+
+def _check_thickness(what: str, *lengths: float) -> None:
+    _check_lengths(what, *lengths)
+    if min(lengths) < THINNEST:
+        raise InvalidInputError(f"a {what} is at least 1 mm thick, not {1000 * min(lengths):.2g} mm: lengths are in m")

@@ -18,7 +18,8 @@ def manifold_of(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"
     return manifold if manifold.status() == Error.NoError and manifold.volume() > 0 else None
 
 
-_CELLS_PER_EDGE = 8
+_CELLS_PER_EDGE, _FEWEST, _MOST_PER_EDGE = 8, 8, 256
+"""Cells along each edge of the box around a body, least number of cells in it, and most along its longest edge."""
 _PAIRS_AT_ONCE = 40_000
 
 
@@ -30,19 +31,23 @@ class BodyVolume:
         self.half: Vector = np.array(body.extents) / 2
         self.is_box = body.solid is None
         self.manifold = Manifold.cube(2 * self.half, center=True)
-        middles = (np.arange(_CELLS_PER_EDGE) + 0.5) / _CELLS_PER_EDGE * 2 - 1
-        grid = np.stack(np.meshgrid(middles, middles, middles), -1)
-        self.middles: Float[np.ndarray, "m 3"] = grid.reshape(-1, 3) * self.half
-        self.cell_half: Vector = self.half / _CELLS_PER_EDGE
+        counts = np.full(3, _CELLS_PER_EDGE)
+        self.middles: Float[np.ndarray, "m 3"] = _middles(self.half, counts)
         if body.solid is not None:
             vertices, faces = np.asarray(body.solid.vertices), np.asarray(body.solid.faces)
             closed = manifold_of(vertices, faces) or manifold_of(vertices, faces[:, ::-1])
             if closed is None:
                 raise InvalidInputError("the robot's body is no closed solid: close its mesh, or take its convex hull")
             self.manifold = closed
-            self.middles = self.middles[body.solid.contains(self.middles)]
+            self.middles, cells = self.middles[body.solid.contains(self.middles)], _CELLS_PER_EDGE
+            while len(self.middles) < _FEWEST and cells < _MOST_PER_EDGE:  # arms between the cells: cut finer, in cubes
+                cells *= 2
+                counts = np.maximum(2, np.ceil(cells * self.half / self.half.max())).astype(int)
+                grid = _middles(self.half, counts)
+                self.middles = grid[body.solid.contains(grid)]
             if len(self.middles) == 0:
                 raise InvalidInputError("the robot's body is too thin to be judged: give it more volume")
+        self.cell_half: Vector = self.half / counts
 
     @property
     def cell_volume(self) -> float:
@@ -62,6 +67,12 @@ class BodyVolume:
             touch = boxes_touch_triangles(pairs.reshape(-1, 3, 3), self.cell_half)
             crossed[open_] = touch.reshape(len(open_), len(some)).any(1)
         return crossed
+
+
+def _middles(half: Vector, counts: Int[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
+    """Place the middles of so many cells along each edge of a box with these half edges [m]."""
+    x, y, z = ((np.arange(count) + 0.5) / count * 2 - 1 for count in counts)
+    return np.stack(np.meshgrid(x, y, z), -1).reshape(-1, 3) * half
 
 
 @lru_cache(maxsize=8)

@@ -176,6 +176,16 @@ def test_a_solid_body_wholly_inside_a_solid_touches_it():
     assert ground.overlaps(ball, _states((0.0, 0.0, 0.0))).item() == pytest.approx(4e-3 * math.pi / 3, rel=0.1)
 
 
+def test_a_cross_of_thin_arms_is_judged_by_its_arms():
+    arms = [trimesh.creation.box(edges) for edges in ((0.5, 0.01, 0.01), (0.01, 0.5, 0.01))]
+    cross = Body.from_mesh(trimesh.boolean.union(arms), spacing=0.05)
+    beside, beneath = _states((0.3, 0.3, 0.0), (0.3, 0.0, 0.0))
+    states = RigidState.stack([beside, beneath])
+    assert Ground(_scene(_cube(0.2))).touches(cross, states).tolist() == [False, True]
+    assert Ground(_wall_without_thickness()).touches(cross, states).tolist() == [False, False]
+    assert Ground(_wall_without_thickness()).touches(cross, _states((0.2, 0.5, 0.0))).tolist() == [True]
+
+
 def _wall_without_thickness() -> Scene:
     wall = trimesh.Trimesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
     return Scene("wall", "Wall", wall, (), Box.of((-1, -1, -1), (1, 1, 1)), (1.0, 1.0, 1.0), (), sheets=(wall,))

@@ -112,7 +112,9 @@ def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]
     half = 0.5 * np.array(body.extents[:2])
     if len(headings) == 1:  # any heading
         half[:] = half.max()
-    return np.array([[*(spacing[:2] * np.round(half / spacing[:2])), heading] for heading in headings])
+    # a column stands for what is half a column around it, so that a thin body turned to any heading covers some
+    columns = np.maximum(np.round(half / spacing[:2]), 0.5)
+    return np.array([[*(spacing[:2] * columns), heading] for heading in headings])
 
 
 def require_map_memory(needed: float, what: str) -> None:

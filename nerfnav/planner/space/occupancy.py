@@ -32,6 +32,8 @@ from nerfnav.planner.space.scales import PAPERS_GRAIN, Scales, scales_of
 from nerfnav.robots import Body, RigidState
 
 _POINTS_AT_ONCE = 1 << 17
+_MOST_LEVELS = 64
+"""Largest number of heights at which a layer is looked at."""
 _RIM = 1e-6
 """Share of the box by which points on its border are moved inwards."""
 
@@ -70,8 +72,12 @@ def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: 
 
 
 def build_levels(body: Body, height: float) -> Float[Tensor, " levels"]:
-    """Return the heights of a body's points [m], with its middle at `height` [m]."""
-    return height + body.points_body[:, 2].unique()
+    """Return the heights of a body's points [m], with its middle at `height` [m]; of a shape with very many, as many
+    evenly over the same height as a search can ask about."""
+    levels = body.points_body[:, 2].unique()
+    if len(levels) > _MOST_LEVELS:
+        levels = torch.linspace(levels[0].item(), levels[-1].item(), _MOST_LEVELS).to(levels)
+    return height + levels
 
 
 def covered(

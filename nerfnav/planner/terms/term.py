@@ -50,7 +50,7 @@ class TermContext:
 def _body(robot: Robot, margin: float, points: int | None) -> Body:
     """Make the body once for each robot: every replan needs it."""
     body = robot.body_with_room(margin)
-    return body if points is None else replace(body, points_body=select_spaced(body.points_body, points))
+    return body if points is None else replace(body, points_body=select_spaced(body.points_body, points), push=None)
 
 
 @dataclass(slots=True)

@@ -163,3 +163,10 @@ def test_chances_with_many_headings_that_the_memory_cannot_hold_are_refused(monk
     monkeypatch.setattr("nerfnav.core.memory.available_memory", lambda: 10**6)
     with pytest.raises(InvalidInputError, match=r"^the chance that noise .* headings, may take .*: plan without risk"):
         CollisionMap.of(field, plank, PUSHED)
+
+
+def test_a_rod_thinner_than_the_nodes_are_apart_covers_them_with_any_heading():
+    rod = Body.box((0.4, 0.008, 0.008), (41, 2, 2))
+    space = CSpace.of(block((0.1, 0.1, 0.1)), rod)
+    sizes = space.by_heading.sum((1, 2, 3))
+    assert sizes.min() > 0.5 * sizes.max()
