@@ -356,7 +356,7 @@ def test_an_exporter_writes_by_its_name_and_is_listed_in_the_help(
     assert (told["format"], told["lines"]) == ("points", 13)
     assert (tmp_path / "points.txt").read_text().startswith("-0.800 0.000 0.400\n")
     assert main(["export", "--help"]) == 0
-    assert "points (points for people)" in " ".join(capsys.readouterr().out.split())
+    assert "points executed points for people" in " ".join(capsys.readouterr().out.split())
 
 
 # A query and a panel --------------------------------------------------------------------------------------------------

@@ -43,7 +43,10 @@ def _lines(parser: ArgumentParser, command: str, complete: bool, settings: bool)
     required = [_name(action) for action in (*arguments, *options) if action.required or action in arguments]
     lines = [" ".join([f"usage: nerfnav {command}", *required, "[OPTIONS]"])]
     for paragraph in (parser.description or "").split("\n\n"):
-        lines += ["", *textwrap.wrap(paragraph, WIDTH)]
+        if paragraph.strip("\n").startswith("  "):  # a line of a list
+            lines += textwrap.wrap(paragraph.strip("\n"), WIDTH, subsequent_indent=" " * (_COLUMN + 2))
+        else:
+            lines += ["", *textwrap.wrap(paragraph, WIDTH)]
     for title, about, actions in sections if settings else sections[:2]:
         if actions:
             heading = f"{title}: {about}" if complete and about else f"{title}:"

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from jaxtyping import UInt8
 from torch import Tensor
 
+from nerfnav.export import Refusal
 from nerfnav.field import TrainStep
 from nerfnav.navigation import FlightStep
 from nerfnav.robots import Motion
@@ -89,6 +90,14 @@ class FileMade:
 
 
 @dataclass(frozen=True)
+class TrajectoryRefused:
+    """Event: a trajectory is not exported, for it is not safe to fly."""
+
+    refusal: Refusal
+    """Subject, reason and remedies."""
+
+
+@dataclass(frozen=True)
 class PlannerResult:
     """Result of one planner, to compare with the others."""
 
@@ -121,7 +130,10 @@ class FrameTracked:
     """Rendering of the field from the estimated pose; None likewise, and where the pose is unknown."""
 
 
-JobEvent = FlightStep | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | FrameTracked
+JobEvent = (
+    FlightStep | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | TrajectoryRefused
+    | FrameTracked
+)  # fmt: skip
 
 JobReport = JobEvent | JobFinished | JobFailed
 """Event of a running job for its consumer: what it yields, then its end."""

@@ -15,7 +15,7 @@ from nerfnav_app.reducers import history, jobs
 from nerfnav_app.reducers import place as places
 from nerfnav_app.reducers.common import add_notice, enter_place
 from nerfnav_app.state.flight import LocalizationRecord
-from nerfnav_app.state.job import Download, Job, JobKind
+from nerfnav_app.state.job import Download, Job, JobKind, RefusedExport
 from nerfnav_app.state.place import Choice
 from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
@@ -40,6 +40,8 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
             request = job.request
             made = None if request is None else Download(job.id, request.client, name, content)
             return replace(session, download=made)
+        case e.TrajectoryRefused(refusal):
+            return replace(session, refused_export=RefusedExport(refusal, replace(session, job=None).asked))
         case e.Progress(label, fraction):
             left_s = job.left_s if label == job.label else None
             return replace(session, job=replace(job, label=label, fraction=fraction, left_s=left_s))

@@ -3,9 +3,11 @@
 A tab requests a map or a trajectory as a file; a job makes it, and the tab downloads it.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from enum import Enum
 
+from nerfnav.export import Refusal, Subject
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.tracks import StartTrack
@@ -29,8 +31,12 @@ class TrajectoryDownload:
     """Name of the format."""
     client: int
     """The tab that requests it."""
+    subject: Subject = Subject.PLAN
+    """Trajectory to export."""
     force: bool = False
     """Make it also where it is not safe."""
+    smooth: bool = False
+    """Make a smooth curve of an executed path or an estimate."""
 
 
 DownloadRequest = MapDownload | TrajectoryDownload
@@ -47,6 +53,16 @@ class Download:
     """The tab that requested it."""
     name: str
     content: bytes = field(repr=False)
+
+
+@dataclass(frozen=True)
+class RefusedExport:
+    """Trajectory that the worker refused to export."""
+
+    refusal: Refusal
+    """Subject, format, reason and remedies."""
+    cause: Hashable = None
+    """`Session.asked` at that time: once that has changed, the refusal is out of date."""
 
 
 class JobKind(Enum):

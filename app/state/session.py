@@ -12,10 +12,11 @@ from typing import Any
 
 from torch import Tensor
 
+from nerfnav.export import Refusal
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.vantage import View
 from nerfnav_app.state.flight import FlightRecord, FlightSettings, FlightState
-from nerfnav_app.state.job import Download, Job, JobKind
+from nerfnav_app.state.job import Download, Job, JobKind, RefusedExport
 from nerfnav_app.state.place import Choice, PlaceState
 from nerfnav_app.state.plan import PlanRecord, PlanSettings, PlanState
 from nerfnav_app.state.runs import ExperimentState, Runs, TimedRecord
@@ -100,6 +101,8 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
     """Experiments and their results."""
     download: Download | None = None
     """The file that was made last."""
+    refused_export: RefusedExport | None = None
+    """The trajectory that was refused last, as a file for a vehicle."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
     history: History = field(default_factory=History)
@@ -135,6 +138,12 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         """The last failure, until the user asks for something else."""
         last = next((notice for notice in reversed(self.notices) if notice.bad), None)
         return last if last is not None and last.cause == self.asked else None
+
+    @property
+    def export_refusal(self) -> Refusal | None:
+        """The last refusal of an export, until the user asks for something else."""
+        last = self.refused_export
+        return last.refusal if last is not None and last.cause == self.asked else None
 
     @property
     def plan_is_stale(self) -> bool:

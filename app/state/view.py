@@ -54,10 +54,20 @@ class ViewSettings:
     """Camera of the scene."""
     light: bool = False
     """Draw light panels."""
+    plan: bool = True
+    """Draw the plan, in a flight also its first plan."""
+    executed: bool = True
+    """Draw the executed path."""
+    estimate: bool = True
+    """Draw the estimate with its covariance."""
     clearance: bool = False
     """Colour the plan's line by its clearance."""
     ellipsoid: float = 1.0
     """Scale of covariance ellipsoids and attitude cones; 1 draws the 95 % region."""
+
+    def of_flights(self) -> "ViewSettings":
+        """Keep only what counts in the drawing of a flight."""
+        return ViewSettings(plan=self.plan, executed=self.executed, estimate=self.estimate, ellipsoid=self.ellipsoid)
 
     def for_place(self, splats: bool) -> "ViewSettings":
         """Adapt the backdrop to a place that opens: its splats, where it has some, until the user chooses another."""

@@ -44,6 +44,12 @@ class RunMetadata:
     """When it took off, UTC."""
     outcome: str | None = None
     """How it ended; None while it flies, and for ever where the program was killed."""
+    plan_outcome: str | None = None
+    """How its first plan ended; None where that is not known."""
+    command: str | None = None
+    """Command line that flies it again, as a person would type it; None in files of versions that did not keep it."""
+    requests: tuple[str, ...] = ()
+    """Requests of the operator on the way, without which the command flies."""
     metrics: dict[str, Any] = field(default_factory=dict)
     """The numbers of the flight, as `nerfnav fly --json` prints them."""
 
@@ -65,7 +71,7 @@ class RunMetadata:
             if (content.pop("format"), content.pop("version")) != (FORMAT, VERSION):
                 raise ValueError("it is of another format")
             ends = Ends(_end(content["ends"]["start"]), _end(content["ends"]["goal"]))
-            return cls(**content | {"ends": ends})
+            return cls(**content | {"ends": ends, "requests": tuple(content.get("requests", ()))})
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidInputError(f"{folder.name} holds no readable {FORMAT} of version {VERSION}") from error
 

@@ -2,7 +2,7 @@
 
 steps.jsonl     index, time [s], action, truth and belief as 18 numbers (position, velocity, rotation row by row, body
                 rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late,
-                gust_mps where there was a gust
+                gust_mps where there was a gust; index 0 also has the first plan, which versions before did not keep
 pictures/       the camera's picture of each step as JPEG
 
 Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
@@ -28,6 +28,7 @@ _JPEG_QUALITY = 90
 
 def encode_step(step: NavigationStep) -> dict[str, Any]:
     """Encode a step; its picture is a file of its own."""
+    first = {} if step.first_plan is None else {"first_plan": _encode_motion(step.first_plan)}
     return {
         "index": step.index,
         "time": step.time,
@@ -35,18 +36,14 @@ def encode_step(step: NavigationStep) -> dict[str, Any]:
         "truth": _numbers(_flat(step.truth)),
         "belief": _numbers(_flat(step.belief.mean)),
         "covariance": _numbers(step.belief.covariance),
-        "plan": {
-            "states": _numbers(_flat(step.plan.states)),
-            "actions": _numbers(step.plan.actions),
-            "shape": list(step.plan.actions.shape),
-            "dt": step.plan.dt,
-        },
+        "plan": _encode_motion(step.plan),
         "touched": step.touched,
         "filter_ms": step.filter_ms,
         "replan_ms": step.replan_ms,
         "outcome": None if step.outcome is None else step.outcome.name.lower(),
         "recovery": None if step.recovery is None else step.recovery.name.lower(),
         "late": step.late,
+        **first,
     } | ({} if step.gust_mps is None else {"gust_mps": step.gust_mps})
 
 
@@ -60,7 +57,7 @@ def keep_picture(folder: Path, image: Tensor, index: int) -> str:
 
 def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
     """A step as it was written, with its picture where `folder` is given."""
-    plan, action = content["plan"], content["action"]
+    action, first = content["action"], content.get("first_plan")
     outcome, recovery = content["outcome"], content["recovery"]
     return NavigationStep(
         index=int(content["index"]),
@@ -70,11 +67,7 @@ def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         belief=Belief(_state(torch.tensor(content["belief"])), torch.tensor(content["covariance"]).reshape(12, 12)),
         image=None if folder is None or content["picture"] is None else _picture(folder, content["index"]),
         update=None,
-        plan=Motion(
-            _state(torch.tensor(plan["states"]).reshape(-1, 18)),
-            torch.tensor(plan["actions"]).reshape(plan["shape"]),
-            float(plan["dt"]),
-        ),
+        plan=_decode_motion(content["plan"]),
         touched=bool(content["touched"]),
         filter_ms=float(content["filter_ms"]),
         replan_ms=float(content["replan_ms"]),
@@ -82,7 +75,22 @@ def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         recovery=None if recovery is None else SupervisorState[recovery.upper()],
         late=bool(content.get("late", False)),
         gust_mps=content.get("gust_mps"),
+        first_plan=None if first is None else _decode_motion(first),
     )
+
+
+def _encode_motion(motion: Motion) -> dict[str, Any]:
+    return {
+        "states": _numbers(_flat(motion.states)),
+        "actions": _numbers(motion.actions),
+        "shape": list(motion.actions.shape),
+        "dt": motion.dt,
+    }
+
+
+def _decode_motion(content: dict[str, Any]) -> Motion:
+    states = _state(torch.tensor(content["states"]).reshape(-1, 18))
+    return Motion(states, torch.tensor(content["actions"]).reshape(content["shape"]), float(content["dt"]))
 
 
 def _picture(folder: Path, index: int) -> Tensor | None:

@@ -84,8 +84,12 @@ class StepLog:
             raise OutputError(f"the flight cannot be written into {self._folder.name}: {error.strerror}") from error
         self._steps.append(step)
 
-    def note_goal(self, goal: RigidState | None) -> None:
-        """Note where the flight goes now: one whose goal was moved is no flight of its task any more."""
+    def note_operator(self, goal: RigidState | None, requests: tuple[str, ...]) -> None:
+        """Note where the flight goes now, and the operator's requests so far, in words.
+
+        A flight whose goal was moved is no flight of its task any more.
+        """
+        self._about = replace(self._about, requests=requests)
         if goal is not None:
             self._about = self._about.with_goal(End.of_state(goal))
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.export import FORMATS
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig, planners
 from nerfnav_app.jobs.events import JobEvents
@@ -121,6 +122,7 @@ class NavigationBackend:
         return FlyRequest(
             self._plan_request(session, job, place, session.choice.planner),
             plan=None if made is None else made.motion,
+            plan_outcome=None if job.first_plan is None else job.first_plan.outcome,
             cautious=made is None and not job.anyway,
             estimator=session.choice.estimator,
             open_loop=settings.open_loop,
@@ -167,10 +169,10 @@ def _track(place: Place, request: StartTrack) -> JobEvents:
 
 
 def _export(session: Session, wish: TrajectoryDownload, place: Place) -> JobEvents:
-    """Export the flight or the plan, judged in the field that planners see."""
-    recording = make_recording(session)
+    """Export the plan, the executed path or the estimate, judged in the field that planners see."""
+    recording = make_recording(session, wish.subject)
     if recording is None:
-        raise InvalidInputError("there is no plan or flight to export: plan first")
+        raise InvalidInputError(f"{wish.subject.title} does not exist yet: plan or fly first")
     planned = prepare_place(place, session.plan_settings.unknown)
-    name = name_download(session, wish.format)
-    return export.download(recording.with_field(planned.field), wish.format, name, wish.force)
+    made, name = recording.with_field(planned.field), name_download(session, wish.format, wish.subject)
+    return export.download(made, FORMATS[wish.format], name, wish.force, wish.smooth)

@@ -5,6 +5,10 @@ from .occupancy_map import map_files as map_files
 from .overlay import OverlayVideo as OverlayVideo
 from .recording import Exported as Exported
 from .recording import Recording as Recording
+from .recording import Subject as Subject
+from .refusal import ExportRefusedError as ExportRefusedError
+from .refusal import Refusal as Refusal
+from .refusal import Remedy as Remedy
 from .tables import csv_text as csv_text
 from .tables import episode_table as episode_table
 from .tables import json_text as json_text

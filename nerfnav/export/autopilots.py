@@ -52,7 +52,7 @@ ARDUPILOT_COLUMNS = (
 
 
 def px4(recording: Recording) -> Exported:
-    """Export setpoints along the smooth curve of a plan or a flight."""
+    """Export setpoints along the smooth curve of the subject."""
     curve, times = setpoints_of(recording)
     rows = ned_rows(curve, times)
     table = [times[:, None], *(rows[name] for name in _ARRAYS), rows["yaw"][:, None], rows["yawspeed"][:, None]]
@@ -65,7 +65,7 @@ def px4(recording: Recording) -> Exported:
 
 
 def px4_odometry(recording: Recording) -> Exported:
-    """Export the robot's estimate with variances: a flight as vision for PX4's estimator.
+    """Export the robot's estimate with variances, as vision for PX4's estimator.
 
     Raises InvalidInputError for a plan.
     """
@@ -80,7 +80,7 @@ def px4_odometry(recording: Recording) -> Exported:
 
 
 def ardupilot(recording: Recording) -> Exported:
-    """Export setpoints along the smooth curve of a plan or a flight."""
+    """Export setpoints along the smooth curve of the subject."""
     curve, times = setpoints_of(recording)
     times = np.append(times[:-1], -(-times[-1] // 1000) * 1000)  # the message counts whole milliseconds
     rows = ned_rows(curve, times)

@@ -15,10 +15,10 @@ import math
 import numpy as np
 import torch
 
-from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.curves import Curve, curve_of, quadrotor_of, slow_down
 from nerfnav.export.flatness import QuadrotorLimits, peak_demands, slowdown_within
 from nerfnav.export.recording import Exported, Recording
+from nerfnav.export.refusal import NoCurveError
 from nerfnav.export.splines import ORDER, Samples, fit
 from nerfnav.export.tables import csv_lines
 from nerfnav.planner import PiecewisePolynomial
@@ -41,7 +41,7 @@ def crazyflie(recording: Recording, thrust_per_weight: float | None = None) -> E
     """Fit polynomial pieces to the curve; the info holds the largest error and the demands on the robot.
 
     `thrust_per_weight` is the most thrust as a share of the weight, for a vehicle that has less of it than the robot;
-    None: the robot's. Raises InvalidInputError where no 31 pieces come within the bound, or the robot's limits are not
+    None: the robot's. Raises NoCurveError where no 31 pieces come within the bound, or the robot's limits are not
     kept even slowly.
     """
     curve, limits = curve_of(recording), QuadrotorLimits.of(quadrotor_of(recording))
@@ -53,7 +53,7 @@ def crazyflie(recording: Recording, thrust_per_weight: float | None = None) -> E
     shape = _fitted(curve, at, count)
     off = np.abs(shape(torch.from_numpy(at)).numpy() - curve.at(at))
     if (worst := float(np.linalg.norm(off[:, :3], axis=-1).max())) > _BOUND_M:
-        raise InvalidInputError(
+        raise NoCurveError(
             f"polynomials follow this curve only to {100 * worst:.1f} cm, and {100 * _BOUND_M:.0f} cm "
             f"is the bound: export less than these {curve.duration:.0f} s, for {MOST_PIECES} pieces are the most"
         )

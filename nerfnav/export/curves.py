@@ -11,9 +11,9 @@ the rows each of the three is a weighted mean of theirs: the curve cuts corners,
 them, and asks for no more thrust, tilt and speed than the plan does. A start at rest is met at rest, and so is a goal,
 one step after the last row; both unaccelerated.
 
-A flight is pushed at every step, and what was flown jumps. Its curve is the smoothest spline whose distances from the
-rows are no more in the root mean square than those jumps, and nowhere more than a bound; it begins and ends at rest,
-unaccelerated. Both are slowed down as far as the robot's limits ask for it.
+A flight is pushed at every step: the executed path and the estimate jump. Their curve is the smoothest spline whose
+distances from the rows are no more in the root mean square than those jumps, and nowhere more than a bound; it begins
+and ends at rest, unaccelerated. All are slowed down as far as the robot's limits ask for it.
 """
 
 from dataclasses import dataclass, replace
@@ -23,19 +23,23 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.flatness import QuadrotorLimits, slowdown_within
-from nerfnav.export.recording import Recording
+from nerfnav.export.recording import Recording, Subject
+from nerfnav.export.refusal import NoCurveError
 from nerfnav.export.splines import Samples, fit
 from nerfnav.geometry import so3
 from nerfnav.planner import PiecewisePolynomial, uniform_cubic
 from nerfnav.robots import Quadrotor
 
-PLANNED, SMOOTHED = "the plan", "the flown path, smoothed"
+MOTIONS = {
+    Subject.PLAN: "the plan", Subject.EXECUTED: "the flown path, smoothed", Subject.ESTIMATE: "the estimate, smoothed",
+}  # fmt: skip
+"""Name of the curve of each subject, in files."""
 _AT_REST = 1e-6  # [m/s]
 
 
 @dataclass(frozen=True)
 class SmoothConfig:
-    """Options of the smoothing of flights."""
+    """Options of the smoothing of executed paths and estimates."""
 
     smoothings: tuple[float, ...] = tuple(10.0**-power for power in range(2, 13))
     """Weights of the squared snap that are tried, the smoothest first [s^7]."""
@@ -54,7 +58,7 @@ class Curve:
     shape: PiecewisePolynomial
     """x, y, z [m], ENU, and yaw [rad], counter-clockwise from east."""
     motion: str
-    """PLANNED or SMOOTHED."""
+    """One of MOTIONS."""
     off_m: float
     """Largest distance from the rows [m]: corners that are cut, or jumps that are smoothed."""
     stretched_by: float = 1.0
@@ -71,15 +75,16 @@ class Curve:
 
 
 def curve_of(recording: Recording, config: SmoothConfig | None = None) -> Curve:
-    """The curve of a plan or a flight.
+    """The curve of the subject of a recording.
 
-    Raises InvalidInputError where the robot does not fly by tilting, fewer than three rows are there, or no slowness
-    keeps its limits.
+    Raises InvalidInputError where the robot does not fly by tilting or fewer than three rows are there, NoCurveError
+    where no smooth curve is near enough, or no slowness keeps the limits.
     """
     limits = QuadrotorLimits.of(quadrotor_of(recording))
     if len(recording.times) < 3:
         raise InvalidInputError(f"setpoints need at least three states, and there are {len(recording.times)}")
-    curve = _smoothed(recording, config or SmoothConfig()) if recording.steps else _spline(recording)
+    plans = recording.subject is Subject.PLAN
+    curve = _spline(recording) if plans else _smoothed(recording, config or SmoothConfig())
     return slow_down(curve, slowdown_within(curve.shape, limits))
 
 
@@ -117,7 +122,7 @@ def _spline(recording: Recording) -> Curve:
     points = np.concatenate([2 * values[:1] - values[1:2], values, after])
     shape = uniform_cubic(torch.from_numpy(points), step)
     off = np.linalg.norm((shape(torch.tensor(times)).numpy() - values)[:-1, :3], axis=-1)
-    return Curve(shape, PLANNED, float(off.max()))
+    return Curve(shape, MOTIONS[recording.subject], float(off.max()))
 
 
 def _smoothed(recording: Recording, config: SmoothConfig) -> Curve:
@@ -131,10 +136,10 @@ def _smoothed(recording: Recording, config: SmoothConfig) -> Curve:
         off = np.linalg.norm(shape(torch.tensor(times)).numpy()[:, :3] - values[:, :3], axis=-1)
         most = float(off.max())
         if np.sqrt(np.mean(off**2)) <= jump and most <= config.bound_m:
-            return Curve(shape, SMOOTHED, most)
-    raise InvalidInputError(
+            return Curve(shape, MOTIONS[recording.subject], most)
+    raise NoCurveError(
         f"no smooth curve is nearer to this flight than {100 * most:.1f} cm, and {100 * config.bound_m:.0f} cm is the "
-        "bound: export the plan, or a flight with less disturbance"
+        "bound"
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.export.refusal import NoCurveError
 from nerfnav.planner import PiecewisePolynomial
 from nerfnav.robots import Quadrotor
 
@@ -54,15 +54,13 @@ def peak_demands(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> dict[st
 def slowdown_within(shape: PiecewisePolynomial, limits: QuadrotorLimits) -> float:
     """Find the factor, at least 1, by which a curve must slow down to keep within bounds.
 
-    Raises InvalidInputError where no such factor up to 6 is found.
+    Raises NoCurveError where no such factor up to 6 is found.
     """
     derivatives, factor = _derivatives(shape), 1.0
     while over := _over(_peak_demands(derivatives, limits, factor), limits):
         factor *= _GROWTH
         if factor > _SLOWEST:
-            raise InvalidInputError(
-                f"the robot's limits are not kept even {_SLOWEST:g} times as slowly ({over}): export a smoother motion"
-            )
+            raise NoCurveError(f"the robot's limits are not kept even {_SLOWEST:g} times as slowly ({over})")
     return factor
 
 

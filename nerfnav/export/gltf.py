@@ -1,7 +1,7 @@
 """glTF animation: the path and the robot on it as binary glTF, for Blender and every viewer of models.
 
 glTF is Y-up, the library Z-up: the root node turns the world by -90 degrees about x, so what stands below it keeps
-the library's numbers. Below it are the path (lines; of a flight also the estimated path), and a box of the
+the library's numbers. Below it are the path (lines; of an executed path also the estimate), and a box of the
 body's size whose translation [m] and rotation (x, y, z, w) are animated in real time.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nerfnav.core.glb import packed
-from nerfnav.export.recording import Exported, Recording
+from nerfnav.export.recording import Exported, Recording, Subject
 
 _FLOAT, _UINT16 = 5126, 5123
 _LINES, _TRIANGLES = 1, 4
@@ -19,9 +19,10 @@ _COLORS = {"truth": (0.0, 0.84, 1.0), "belief": (1.0, 0.27, 0.0), "robot": (0.0,
 
 
 def gltf(recording: Recording) -> Exported:
-    """Export the path, the estimated path and the moving robot."""
+    """Export the path, of an executed one also the estimate, and the robot that moves on it."""
     document = _Document({"title": recording.title, "outcome": recording.outcome or "not known"})
-    paths = {"truth": recording.position.numpy()}
+    estimates = recording.subject is Subject.ESTIMATE
+    paths = {} if estimates else {"truth": recording.position.numpy()}
     if recording.estimated_poses is not None:
         paths["belief"] = recording.estimated_poses[:, :3].numpy()
     for name, points in paths.items():

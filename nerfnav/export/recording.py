@@ -1,29 +1,47 @@
-"""Recording: a plan or a flight as a table and, for richer formats, its time steps and its place."""
+"""Recording: a plan, an executed path or an estimate as a table and, for richer formats, its time steps and place."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
+from enum import Enum
 from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.export.tables import Table, episode_table, motion_table
+from nerfnav.export.tables import Table, episode_table, estimate_table, motion_table
 from nerfnav.field import Field
 from nerfnav.geometry import so3
-from nerfnav.navigation import Episode, NavigationStep
+from nerfnav.navigation import Episode, EpisodeOutcome, NavigationStep
 from nerfnav.planner import PiecewisePolynomial, PlanOutcome
 from nerfnav.robots import Motion, Robot, unwrap_angles
 
 
+class Subject(Enum):
+    """Subject of a recording: one of the three trajectories of a flight; the value is that of `--of`."""
+
+    PLAN = "plan"
+    """First plan of a flight, or a plan that was not flown."""
+    EXECUTED = "executed"
+    """True states of the robot."""
+    ESTIMATE = "estimate"
+    """Means of the belief."""
+
+    @property
+    def title(self) -> str:
+        """Name in a sentence."""
+        return "the executed path" if self is Subject.EXECUTED else f"the {self.value}"
+
+
 @dataclass(frozen=True)
 class Recording:
-    """Recording of a plan or a flight, ready for export."""
+    """Recording of a plan, an executed path or an estimate, ready for export."""
 
     table: Table
-    """Time, states and actions; of a flight also the belief."""
+    """Time, states and actions; of an executed path also the belief, of an estimate its standard deviation."""
     steps: tuple[NavigationStep, ...] = ()
-    """Time steps of a flight; empty for a plan."""
+    """Time steps of an executed path or an estimate; empty for a plan."""
     title: str = ""
     """Title for people."""
     extents: tuple[float, float, float] = (0.1, 0.1, 0.04)
@@ -36,22 +54,38 @@ class Recording:
     """Field of the plan, as planners see it; None where it is not known: no vehicle's curve is judged then."""
     datum: tuple[float, float, float] | None = None
     """World's origin on Earth: latitude and longitude [deg], height above the ellipsoid or sea [m]."""
+    subject: Subject = Subject.PLAN
+    """Trajectory that it holds."""
 
     @classmethod
-    def of_plan(
-        cls, motion: Motion, robot: Robot, title: str = "", outcome: PlanOutcome | None = None
-    ) -> "Recording":
+    def of_plan(cls, motion: Motion, robot: Robot, title: str = "", outcome: PlanOutcome | None = None) -> "Recording":
         """A plan, and how planning ended where that is known."""
         table = motion_table(motion, robot.action_names, robot.name).with_outcome(outcome)
         return cls(table, (), title, robot.body.extents, robot=robot)
 
     @classmethod
     def of_flight(
-        cls, steps: Sequence[NavigationStep], robot: Robot, title: str = "", surface: bytes | None = None
+        cls,
+        steps: Sequence[NavigationStep],
+        robot: Robot,
+        title: str = "",
+        surface: bytes | None = None,
+        subject: Subject = Subject.EXECUTED,
     ) -> "Recording":
-        """A flight, or the first steps of one."""
-        table = episode_table(Episode.of(steps), robot.action_names, robot.name)
-        return cls(table, tuple(steps), title, robot.body.extents, surface, robot)
+        """One of the three trajectories of a flight, or of its first steps.
+
+        Of flights that were stored by versions without a first plan, the plan is the one after the first belief.
+        """
+        if subject is Subject.PLAN:
+            outcome = PlanOutcome.NO_PATH if steps[0].outcome is EpisodeOutcome.NO_PLAN else None
+            return cls.of_plan(steps[0].first_plan or steps[0].plan, robot, title, outcome)
+        make_table = episode_table if subject is Subject.EXECUTED else estimate_table
+        table = make_table(Episode.of(steps), robot.action_names, robot.name)
+        return cls(table, tuple(steps), title, robot.body.extents, surface, robot, subject=subject)
+
+    def with_outcome(self, outcome: PlanOutcome | None) -> "Recording":
+        """The same plan, and how planning ended; None: the outcome stays as it is known."""
+        return replace(self, table=self.table.with_outcome(outcome))
 
     def with_surface(self, surface: bytes | None) -> "Recording":
         """The same in a place with this surface."""
@@ -94,6 +128,8 @@ class Recording:
     @property
     def estimated_poses(self) -> Float[Tensor, "rows 7"] | None:
         """Estimated position [m] and quaternion (w, x, y, z); None for a plan, which has no estimate."""
+        if self.subject is Subject.ESTIMATE:
+            return torch.cat([self.position, self.quaternion], -1)
         names = tuple(f"belief_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
         return self.table.block(names) if names[0] in self.table.columns else None
 

@@ -1,4 +1,4 @@
-"""ROS 2 messages of a flight or a plan, and the message types and parts that all messages share.
+"""ROS 2 messages of a plan, an executed path or an estimate, and the message types and parts that all messages share.
 
 Axes are those of ROS (REP 103): world ENU, body FLU, so nothing is turned. Quaternions are (x, y, z, w). Stamps count
 from the start, 0 s.
@@ -10,8 +10,9 @@ from the start, 0 s.
     /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: the robot's estimate with its covariance
     /picture     sensor_msgs/CompressedImage            of a flight: the camera's picture, JPEG
 
-/about and /path come once, latched: their durability is transient_local. The odometry of a flight is the true
-state in the simulation, that of a plan the planned one: both are exact, so their covariance is zero.
+/about and /path come once, latched: their durability is transient_local. The odometry of an executed path is the true
+state in the simulation, that of a plan the planned one: both are exact, so their covariance is zero. That of an
+estimate has the covariance of the belief.
 """
 
 import json
@@ -26,7 +27,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.extras import import_extra
-from nerfnav.export.recording import Recording
+from nerfnav.export.recording import Recording, Subject
 from nerfnav.geometry import encode_image, so3
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION
@@ -110,6 +111,9 @@ LATCHED = ("/about", "/path")
 """Topics that are published once and kept for late subscribers."""
 
 
+_ESTIMATED = "the estimate: its pose has the covariance of the belief, its twist has none"
+
+
 @dataclass(frozen=True)
 class RosMessage:
     """One message, ready to be written."""
@@ -129,13 +133,14 @@ def topics(recording: Recording) -> dict[str, str]:
 
 def about(recording: Recording) -> dict[str, str]:
     """Metadata of a recording for readers of its messages."""
-    exact = "the true state in the simulation" if recording.steps else "the plan"
+    exact = "the true state in the simulation" if recording.subject is Subject.EXECUTED else "the plan"
+    estimates = recording.subject is Subject.ESTIMATE
     return {
         "made by": "nerfnav",
         "title": recording.title,
         "robot": str(recording.table.info.get("robot", "")),
         "outcome": recording.outcome or "not known",
-        "odometry": f"{exact}, exact: its covariance is zero, not unknown",
+        "odometry": _ESTIMATED if estimates else f"{exact}, exact: its covariance is zero, not unknown",
     }
 
 
@@ -164,7 +169,7 @@ class _Maker:
         self._velocity_body = (recording.velocity[:, None] @ rotation)[:, 0].tolist()
         self._rate = recording.body_rate.tolist()
         self._estimates = [] if recording.estimated_poses is None else recording.estimated_poses.tolist()
-        self._steps = recording.steps
+        self._steps, self._estimated = recording.steps, recording.subject is Subject.ESTIMATE
 
     def message(self, topic: str, row: int, content: Any) -> RosMessage:
         cdr = bytes(typestore().serialize_cdr(content, TOPICS[topic]))
@@ -177,12 +182,13 @@ class _Maker:
 
     def odometry(self, row: int) -> Any:
         exact = np.zeros(36)
+        covariance = pose_covariance(self._steps[row]) if self._estimated else exact
         twist = new("geometry_msgs/msg/Twist", vector(self._velocity_body[row]), vector(self._rate[row]))
         return new(
             "nav_msgs/msg/Odometry",
             self.header(row),
             BODY,
-            new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), exact),
+            new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), covariance),
             new("geometry_msgs/msg/TwistWithCovariance", twist, exact),
         )
 

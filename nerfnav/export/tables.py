@@ -67,6 +67,10 @@ def motion_table(motion: Motion, action_names: tuple[str, ...], robot: str = "")
     return Table(("t", *STATE_COLUMNS, *action_names), values, info)
 
 
+_DEVIATIONS = ("sd_x", "sd_y", "sd_z")
+"""Columns of the standard deviation of the position [m]."""
+
+
 def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = "") -> Table:
     """Make the table of a flight: the true motion, then the belief beside it.
 
@@ -74,17 +78,22 @@ def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = 
     the body met the ground truth before this row).
     """
     flown = motion_table(Motion(episode.truth, episode.actions, episode.dt), action_names, robot)
-    variance = torch.diagonal(episode.beliefs.covariance, dim1=-2, dim2=-1)[..., POSITION]
-    extra = torch.cat(
-        [
-            _state_block(episode.beliefs.mean),
-            variance.detach().clamp_min(0).sqrt().double(),
-            episode.touched.double()[:, None],
-        ],
-        -1,
-    )
-    names = (*(f"belief_{name}" for name in STATE_COLUMNS), "sd_x", "sd_y", "sd_z", "touched")
+    extra = torch.cat([_state_block(episode.beliefs.mean), _deviations(episode), episode.touched.double()[:, None]], -1)
+    names = (*(f"belief_{name}" for name in STATE_COLUMNS), *_DEVIATIONS, "touched")
     return Table(flown.columns + names, torch.cat([flown.values, extra], -1), flown.info).with_outcome(episode.outcome)
+
+
+def estimate_table(episode: Episode, action_names: tuple[str, ...], robot: str = "") -> Table:
+    """Make the table of an estimate: the means of the belief with the actions, and sd_x, sd_y, sd_z [m]."""
+    means = motion_table(Motion(episode.beliefs.mean, episode.actions, episode.dt), action_names, robot)
+    values = torch.cat([means.values, _deviations(episode)], -1)
+    info = means.info | {"subject": "estimate"}
+    return Table((*means.columns, *_DEVIATIONS), values, info).with_outcome(episode.outcome)
+
+
+def _deviations(episode: Episode) -> Float[Tensor, "n 3"]:
+    variance = torch.diagonal(episode.beliefs.covariance, dim1=-2, dim2=-1)[..., POSITION]
+    return variance.detach().clamp_min(0).sqrt().double()
 
 
 def _state_block(states: RigidState) -> Float[Tensor, "n 13"]:

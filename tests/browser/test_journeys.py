@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Download
 
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.sources import BUDGETS_S, USUAL
@@ -127,6 +128,41 @@ def browser_app(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> Ca
         return open_tab(serve(NavigationBackend(), what=place))
 
     return start
+
+
+@pytest.mark.slow
+def test_what_was_flown_is_exported_to_every_vehicle_and_a_refusal_offers_the_plan(
+    browser_app: Callable[[str], Tab],
+) -> None:
+    tab = browser_app("stonehenge")
+    tab.until(lambda: settled(tab.app), "it did not open", _OPEN_S)
+    plan_fly_export(tab)
+    tab.until(lambda: tab.is_visible("/flight/first_plan"), "the first plan is not drawn")
+    for name in ("px4", "ardupilot", "crazyflie"):
+        tab.choose("export.format", name)
+        tab.until_shown()
+        assert tab.handle("export.subject").value == "Plan"
+        made = download_of(tab, "export.download")
+        assert made.suggested_filename == f"stonehenge-plan-{name}.csv" and Path(made.path()).stat().st_size > 1000
+    tab.choose("export.subject", "Executed path")
+    tab.press("export.download")
+    tab.until(lambda: tab.says("The executed path is not exported for crazyflie"), "nothing says why")
+    made = download_of(tab, "export.plan")
+    assert made.suggested_filename == "stonehenge-plan-crazyflie.csv"
+    tab.until(lambda: not tab.says("is not exported"), "the refusal stays")
+    tab.unfold("view_settings.executed")
+    tab.check("view_settings.executed")
+    tab.until(lambda: not tab.is_visible("/flight/truth") and tab.is_visible("/flight/belief"), "the path stays")
+    tab.turn_to("Runs")
+    tab.until(lambda: tab.says("nerfnav fly stonehenge"), "no command is shown")
+
+
+def download_of(tab: Tab, button: str) -> Download:
+    """The download that a button gives, with its name."""
+    tab.until_idle()
+    with tab.page.expect_download() as given:
+        tab.press(button)
+    return given.value
 
 
 def test_a_cart_too_large_for_stonehenge_is_told_so_in_one_sentence(browser_app: Callable[[str], Tab]) -> None:

@@ -3,7 +3,7 @@
 import torch
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.export.recording import Recording
+from nerfnav.export.recording import Recording, Subject
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.planner import PlanOutcome
@@ -44,9 +44,25 @@ def flown(steps: int = 16, size: int = 12) -> tuple[NavigationStep, ...]:
     return tuple(made)
 
 
-def flight(steps: int = 16, size: int = 12) -> Recording:
+def flight(steps: int = 16, size: int = 12, subject: Subject = Subject.EXECUTED) -> Recording:
     """The flight as formats take it."""
-    return Recording.of_flight(flown(steps, size), Quadrotor(), "a helix")
+    return Recording.of_flight(flown(steps, size), Quadrotor(), "a helix", subject=subject)
+
+
+def arrived(motion: Motion) -> tuple[NavigationStep, ...]:
+    """The steps of a flight along a motion that arrived, its first plan among them, the truth off by 1 cm of noise."""
+    generator, made, last = torch.Generator().manual_seed(1), [], len(motion.actions)
+    for index in range(last + 1):
+        truth = motion.states[index].retract(0.01 * torch.randn(12, generator=generator))
+        belief = Belief(truth.retract(0.005 * torch.randn(12, generator=generator)), 2.5e-5 * torch.eye(12))
+        rest = Motion(motion.states[index:], motion.actions[index:], motion.dt)
+        step = NavigationStep(
+            index, index * motion.dt, motion.actions[index - 1] if index else None, truth, belief, None, None, rest,
+            False, 1.0, 1.0, EpisodeOutcome.REACHED if index == last else None,
+            first_plan=None if index else motion,
+        )  # fmt: skip
+        made.append(step)
+    return tuple(made)
 
 
 def plan(steps: int = 16) -> Recording:

@@ -5,7 +5,9 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.tum import tum, tum_estimate
+from nerfnav.export.formats import FORMATS
+from nerfnav.export.recording import Subject
+from nerfnav.export.tum import tum
 from nerfnav.geometry import so3
 from tests.export.flights import flight, flown, plan
 from tests.export.readers import poses_of_tum
@@ -23,7 +25,7 @@ def test_the_true_poses_read_back_with_the_quaternion_last_and_its_scalar_at_the
 
 
 def test_the_estimate_is_what_was_believed() -> None:
-    _, positions, quaternions = poses_of_tum(tum_estimate(flight()).content.decode())
+    _, positions, quaternions = poses_of_tum(tum(flight(subject=Subject.ESTIMATE)).content.decode())
     means = [step.belief.mean for step in flown()]
     np.testing.assert_allclose(positions, torch.stack([mean.position for mean in means]), atol=1e-6)
     rotations = torch.stack([mean.rotation for mean in means]).double()
@@ -31,8 +33,8 @@ def test_the_estimate_is_what_was_believed() -> None:
 
 
 def test_a_plan_has_no_estimate() -> None:
-    with pytest.raises(InvalidInputError, match="a plan has no estimate"):
-        tum_estimate(plan())
+    with pytest.raises(InvalidInputError, match="tum-estimate needs the estimate, and a plan has none: fly it"):
+        FORMATS["tum-estimate"].exported(plan())
 
 
 def test_what_is_no_tum_file_is_refused() -> None:

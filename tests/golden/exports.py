@@ -27,20 +27,30 @@ DATUM = (47.3977, 8.5456, 488.0)
 """Where on Earth the golden room is."""
 KEPT_BYTES = 40_000
 """Files up to this size are kept whole; of larger ones their digests are."""
+ESTIMATE = "estimate"
+"""Recording of the flight's estimate, for the formats that hold nothing else."""
 _BAG = "nerfnav_bag"
 _NUMBER = re.compile(r"(-?[0-9]+(?:[.][0-9]+)?(?:e[+-]?[0-9]+)?)")
 
 
 def recordings(data: Path, field: Any) -> dict[str, p.Recording]:
     """The recordings that are exported, read from the golden runs."""
-    flight = replace(p.read_run(data / "runs" / "flight"), datum=DATUM)
+    folder = data / "runs" / "flight"
+    flight = replace(p.read_run(folder), datum=DATUM)
+    estimate = replace(p.read_run(folder, p.Subject.ESTIMATE), datum=DATUM)
     plan = replace(p.read_run(data / "plan"), datum=DATUM, title="a plan")
-    return {"flight": flight, "plan": plan.with_field(field), "plan without a field": plan}
+    return {"flight": flight, "plan": plan.with_field(field), "plan without a field": plan, ESTIMATE: estimate}
 
 
 def wanted(recording: p.Recording) -> dict[str, Any]:
     """The formats that a recording can be exported in, by name."""
     return {name: form for name, form in p.FORMATS.items() if recording.steps or not form.flights_only}
+
+
+def exported(found: dict[str, p.Recording], title: str, form: Any) -> p.Exported:
+    """Export a recording, of a flight the executed path where the format can hold it."""
+    holds = found[title].subject in form.subjects
+    return form.exported(found[title if holds else ESTIMATE], force=True, smooth=True)
 
 
 def parts_of(name: str, content: bytes) -> dict[str, bytes]:

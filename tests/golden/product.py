@@ -36,7 +36,9 @@ from nerfnav.estimator.photometric.pixel_selection import PixelDraw, PixelSource
 from nerfnav.experiments import Results
 from nerfnav.export import (
     FORMATS,
+    Exported,
     Recording,
+    Subject,
     csv_text,
     episode_table,
     json_text,
@@ -124,6 +126,7 @@ __all__ = [
     "Episode",
     "EpisodeOutcome",
     "ExperimentStore",
+    "Exported",
     "FastPlanConfig",
     "FieldInfo",
     "FilterConfig",
@@ -154,6 +157,7 @@ __all__ = [
     "Scene",
     "SessionMemory",
     "StateNoise",
+    "Subject",
     "SupervisorState",
     "Surroundings",
     "Truth",

@@ -15,6 +15,7 @@ from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.fly.fly import run as run_job
 from nerfnav_app.jobs.fly.request import FlyRequest
+from nerfnav_app.places.place import Place
 from nerfnav_app.storage.run_store import RunStore
 
 
@@ -59,16 +60,14 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
     return with_settings(Arguments, config())
 
 
-def run(arguments: Any) -> None:
-    """Fly, and print the numbers of the flight."""
-    place, asked = arguments.open(), arguments.config
-    if arguments.camera is not None:
-        place = place.seen_with(read_camera(arguments.camera))
+def make_request(arguments: Any, place: Place) -> FlyRequest:
+    """Make the request of a flight in the place of the arguments."""
+    asked = arguments.config
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
     config = replace(config, fly_on=arguments.fly_on or config.fly_on)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
-    request = FlyRequest(
+    return FlyRequest(
         arguments.request(place, asked.plan, asked.replan, config, arguments.world),
         estimator=arguments.estimator,
         open_loop=arguments.open_loop,
@@ -76,8 +75,18 @@ def run(arguments: Any) -> None:
         realtime=arguments.realtime,
         source=arguments.place,
         task=arguments.task_name(place),
-        out=arguments.out or RunStore().new(place.name),
+        camera=arguments.camera,
+        out=arguments.out,
     )
+
+
+def run(arguments: Any) -> None:
+    """Fly, and print the numbers of the flight."""
+    place = arguments.open()
+    if arguments.camera is not None:
+        place = place.seen_with(read_camera(arguments.camera))
+    request = make_request(arguments, place)
+    request = replace(request, out=request.out or RunStore().new(place.name))
     title = f"flight in {place.name}"
     note_move(run_and_print(title, run_job(request, place), arguments.json, can_stop_early=True).summary)
     if arguments.out is None:

@@ -9,9 +9,11 @@ from nerfnav.estimator import RelocaliseStep
 from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import FLYABLE, PlanOutcome, PlanResult
+from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.export.recording import TRAJECTORY
-from nerfnav_app.jobs.fly.request import FlyRequest, GoalRecorder
+from nerfnav_app.jobs.fly.command import command_of
+from nerfnav_app.jobs.fly.request import FlyRequest, OperatorRecorder
 from nerfnav_app.jobs.fly.setup import begin
 from nerfnav_app.jobs.plan.plan import plan_steps
 from nerfnav_app.places.ground import describe_move, put_on_ground
@@ -36,9 +38,10 @@ def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     )
 
 
-def metadata_of(request: FlyRequest, place: Place, dt: float) -> RunMetadata:
-    """Describe a flight in steps of `dt` [s] for the run store before it is flown."""
+def metadata_of(request: FlyRequest, place: Place, plan: Motion | None) -> RunMetadata:
+    """Describe a flight by its first plan, or without one, for the run store before it is flown."""
     route = request.route
+    dt, steps = (route.dt, None if route.shortest else route.steps) if plan is None else (plan.dt, len(plan.actions))
     return RunMetadata(
         place=place.name,
         source=request.source or place.name,
@@ -51,6 +54,8 @@ def metadata_of(request: FlyRequest, place: Place, dt: float) -> RunMetadata:
         task=request.task,
         open_loop=request.open_loop or route.flight.open_loop,
         unknown=route.unknown.value,
+        plan_outcome=None if request.plan_outcome is None else request.plan_outcome.name.lower(),
+        command=command_of(request, place, steps, dt),
     )
 
 
@@ -71,15 +76,16 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
         if planned is None or (request.cautious and planned.outcome not in FLYABLE):
             return JobResult({} if planned is None else {"outcome": planned.outcome.name.lower()})
         plan = None if planned.outcome is PlanOutcome.NO_PATH else planned.motion
-    operator = GoalRecorder(request.operator)
+        request = replace(request, plan_outcome=planned.outcome)
+    operator = OperatorRecorder(request.operator, request.route.ends.goal.state())
     request, flown = replace(request, operator=operator), list[NavigationStep]()
     steps = request.route.steps if plan is None else len(plan.actions)
-    about = metadata_of(request, place, request.route.dt if plan is None else plan.dt)
+    about = metadata_of(request, place, plan)
     with open_step_log(out, about, lambda episode: summary_of(episode, place)) as log:
         for event in begin(request, plan, place):
             if log is not None and isinstance(event, NavigationStep):
                 log.append(event)
-                log.note_goal(operator.goal)
+                log.note_operator(operator.goal, operator.made)
             stop = yield event
             if isinstance(event, NavigationStep):
                 flown.append(event)

@@ -4,7 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+
 from nerfnav.navigation import OperatorRequests
+from nerfnav.planner import PlanOutcome
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.jobs.plan.plan import PlanRequest
 
@@ -17,6 +20,8 @@ class FlyRequest:
     """Request of its first plan: ends, settings, configuration and world; its `out` is not used."""
     plan: Motion | None = None
     """That plan, where it is already made."""
+    plan_outcome: PlanOutcome | None = None
+    """Outcome of that plan, for the record."""
     cautious: bool = False
     """Whether the robot stays on the ground where its first plan is not to be flown: the page asks the user then."""
     estimator: str = "fast"
@@ -33,19 +38,36 @@ class FlyRequest:
     """Scene name or field file that was opened, for the record; empty: the place's name."""
     task: str | None = None
     """The scene's task that is flown, for the record; None where the ends were chosen freely."""
+    camera: Path | None = None
+    """Calibration of the robot's camera that was given, for the record."""
     out: Path | None = None
     """Folder for the log, which grows with each step, then the episode and trajectory.csv, trajectory.json; None
     writes nothing."""
 
 
-class GoalRecorder:
-    """Operator of a flight that records the last goal among its requests."""
+class OperatorRecorder:
+    """Operator of a flight that records its requests."""
 
-    def __init__(self, operator: Callable[[], OperatorRequests]) -> None:
-        self._operator = operator
+    def __init__(self, operator: Callable[[], OperatorRequests], goal: RigidState) -> None:
+        """Record the requests of `operator` on a flight to `goal`."""
+        self._operator, self._first_goal = operator, goal
         self.goal: RigidState | None = None
+        self.made: tuple[str, ...] = ()
+        """Kinds of requests so far, in words."""
 
     def __call__(self) -> OperatorRequests:
+        """Take the requests for the next time step."""
         requests = self._operator()
         self.goal = requests.goal or self.goal
+        kinds = {
+            "another goal": requests.goal is not None and not self._is_first(requests.goal),
+            "a gust": requests.gust is not None,
+            "a kidnapping": requests.kidnap_pose is not None,
+            "a search": requests.search,
+        }
+        self.made += tuple(kind for kind, asked in kinds.items() if asked and kind not in self.made)
         return requests
+
+    def _is_first(self, goal: RigidState) -> bool:
+        first = self._first_goal
+        return torch.equal(goal.position, first.position) and torch.equal(goal.rotation, first.rotation)

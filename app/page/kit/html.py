@@ -25,6 +25,14 @@ def note(text: str) -> str:
     return f'<div style="{_PADDING} color: {MUTED}">{escape(text)}</div>'
 
 
+def code(text: str) -> str:
+    """Format a line to copy: one click selects all of it."""
+    return (
+        f'<div style="{_PADDING}"><code title="One click selects it, Ctrl+C copies it" style="user-select: all; '
+        f'display: block; overflow-wrap: anywhere; cursor: pointer; color: {MUTED}">{escape(text)}</code></div>'
+    )
+
+
 def warning(text: str) -> str:
     """Format a warning in the colour of hits."""
     return f'<div style="{_PADDING} color: {readable(HIT)}">{escape(text)}</div>'

@@ -1,4 +1,4 @@
-"""Flight: true pose, estimated pose with its 95 % region, and the trajectory that the robot intends."""
+"""Flight: its first plan, its executed path, its estimate with the 95 % regions, and what the robot intends now."""
 
 import numpy as np
 import viser
@@ -11,6 +11,7 @@ from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions
 from nerfnav_app.page.layers.shapes import ball, cone, ellipsoids
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import ViewSettings
 from nerfnav_app.text import number
 
 _ARROW = 0.2  # length of what stands for a gust [m]
@@ -19,12 +20,13 @@ _PAST = 5  # earlier plans that are still drawn
 
 
 class FlightLayer:
-    """Layer of the true path, the estimated path with its covariances, and the current plan."""
+    """Layer of first plan, executed path and estimate, each of which can be switched off, and the current plan."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._truth = Line(server, "/flight/truth", TRUTH, 0.016, through=True)
         self._belief = Line(server, "/flight/belief", BELIEF, 0.004)
+        self._first_plan = Line(server, "/flight/first_plan", PLAN, 0.009)
         self._plan = Line(server, "/flight/plan", PLAN, 0.013, through=True)
         self._past = Trail(server, "/flight/plans", PLAN, 0.006)
         unit = ball()
@@ -37,35 +39,53 @@ class FlightLayer:
         self._gusts = Fan(server, "/flight/gusts", HIT, 0.008)
         self._robot = Bodies(server, "/flight/robot", TRUTH, opacity=None)
         self._ghost = Bodies(server, "/flight/ghost", BELIEF, opacity=0.5)
-        self._shown: tuple[FlightRecord | None, float] | None = None
+        self._shown: tuple[FlightRecord | None, ViewSettings] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
-        flight, scale = session.shown_flight, session.view_settings.ellipsoid
-        if self._shown is not None and self._shown[0] is flight and self._shown[1] == scale:
+        flight, view = session.shown_flight, session.view_settings.of_flights()
+        if self._shown is not None and self._shown[0] is flight and self._shown[1] == view:
             return
-        self._shown = flight, scale
+        self._shown = flight, view
         size = float(session.place.field.box.size.max()) if session.place is not None else np.inf
-        steps = flight.steps if flight is not None else ()
-        under_way = flight is not None and bool(steps) and flight.outcome is None
         with self._server.atomic():
             self._robot.embody(session)
             self._ghost.embody(session)
-            true, believed = _centers([step.truth for step in steps]), _centers([step.belief.mean for step in steps])
-            self._truth.show(true)
-            self._belief.show(believed)
-            intent = flight.plan if flight is not None and under_way else None
-            self._plan.show(None if intent is None else positions(intent.states))
-            self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
-            self._show_covariances([step.belief for step in steps], scale, size)
-            self._nose.show(cone(steps[-1].belief, scale) if steps else None)
-            # dots: the line of a good estimate lies within the line of the truth
-            self._means.show(*_balls(believed, radius=0.014))
-            self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
-            self._hits.show(*_balls(true[[step.touched for step in steps]], radius=0.025))
+            steps = () if flight is None else flight.steps
             self._robot.show_states(RigidState.stack([steps[-1].truth]) if steps else None)
-            guess = (flight.guess if flight is not None else None) or (steps[-1].belief.mean if steps else None)
-            self._ghost.show_states(None if guess is None else RigidState.stack([guess]))
+            self._show_plans(flight if view.plan else None)
+            self._show_executed(flight if view.executed else None)
+            self._show_estimate(flight if view.estimate else None, view.ellipsoid, size)
+
+    def _show_plans(self, flight: FlightRecord | None) -> None:
+        """Draw the first plan in dashes, and under way what the robot intends now and did before."""
+        steps = () if flight is None else flight.steps
+        first = steps[0].first_plan if steps else None
+        self._first_plan.show(None if first is None else positions(first.states), dashed=True)
+        under_way = flight is not None and bool(steps) and flight.outcome is None
+        intent = flight.plan if flight is not None and under_way else None
+        self._plan.show(None if intent is None else positions(intent.states))
+        self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
+
+    def _show_executed(self, flight: FlightRecord | None) -> None:
+        """Draw the true path with its collisions and gusts."""
+        steps = () if flight is None else flight.steps
+        true = _centers([step.truth for step in steps])
+        self._truth.show(true)
+        self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
+        self._hits.show(*_balls(true[[step.touched for step in steps]], radius=0.025))
+
+    def _show_estimate(self, flight: FlightRecord | None, scale: float, size: float) -> None:
+        """Draw the estimated path with its covariances, and the robot where it believes to be."""
+        steps = () if flight is None else flight.steps
+        believed = _centers([step.belief.mean for step in steps])
+        self._belief.show(believed)
+        self._show_covariances([step.belief for step in steps], scale, size)
+        self._nose.show(cone(steps[-1].belief, scale) if steps else None)
+        # dots: the line of a good estimate lies within the line of the truth
+        self._means.show(*_balls(believed, radius=0.014))
+        guess = (flight.guess if flight is not None else None) or (steps[-1].belief.mean if steps else None)
+        self._ghost.show_states(None if guess is None else RigidState.stack([guess]))
 
     def _show_covariances(self, beliefs: list[Belief], scale: float, size: float) -> None:
         """Draw the 95 % regions; of those too large for a place of `size` [m] the last alone, with its half axis."""

@@ -86,7 +86,7 @@ class PlanLayer:
 class PlanStyle(Enum):
     """Style of a plan's line."""
 
-    HIDDEN = "not drawn: there is no trajectory, or a flight shows its own"
+    HIDDEN = "not drawn: there is no trajectory, a flight shows its own, or it is switched off"
     WANTED = "in the plan's colour: up to date, or a moment behind the hand"
     STALE = "grey: ends or settings have changed since"
     UNSAFE = "red dashes: not to be flown"
@@ -104,7 +104,7 @@ def color_by_clearance(rows: np.ndarray) -> np.ndarray:
 def choose_plan_style(session: Session) -> PlanStyle:
     """Choose the style of the session's plan."""
     plan = session.plan
-    if plan is None or session.flight_is_shown or not plan.leads:
+    if plan is None or session.flight_is_shown or not plan.leads or not session.view_settings.plan:
         return PlanStyle.HIDDEN
     if session.plan_is_stale and not session.plan_follows_hand:
         return PlanStyle.STALE

@@ -9,6 +9,7 @@ import trimesh
 
 from nerfnav.core.glb import parts
 from nerfnav.estimator.core.belief import Belief
+from nerfnav.export.recording import Subject
 from nerfnav.geometry import so3, to_linear, to_srgb, tone_map
 from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost
@@ -33,7 +34,7 @@ from nerfnav_app.places.surface_glb import (
     remove_specks,
     simplified,
 )
-from nerfnav_app.state.export_subject import make_recording, name_subject
+from nerfnav_app.state.export_subject import list_subjects, make_recording
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.plan import CostHistory, PlanRecord
@@ -213,7 +214,7 @@ def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     assert NEXT[JobKind.PLAN] in plan.describe(None, stale=False, planning=False)
     assert NEXT[JobKind.FLY] in fly_panel.describe(None, stale=False, flying=False)
     assert session.job is not None and session.job.label in describe_activity(session)
-    assert name_subject(session) is None and make_recording(session) is None
+    assert list_subjects(session) == () and make_recording(session, Subject.PLAN) is None
     assert ends_panel.describe(session) != ends_panel.describe(replace(session, seeking=True))
 
 
@@ -230,11 +231,11 @@ def test_numbers_of_a_flight_carry_their_units() -> None:
     assert all(text in html for text in ("0.2 s", "1 cm", "1 ms", "2 ms", sentence(EpisodeOutcome.REACHED.value)))
 
 
-def test_the_flight_is_taken_away_where_there_is_one_and_else_the_plan() -> None:
+def test_before_a_flight_the_plan_alone_can_be_taken_away() -> None:
     place = balls_place()
     session = Session("balls", place=place, ends=ENDS, plan=PlanRecord(ENDS).with_step(plan_step(ENDS, 0)))
-    made = make_recording(session)
-    assert name_subject(session) == "plan" and made is not None and len(made.times) == 9
+    made = make_recording(session, Subject.PLAN)
+    assert list_subjects(session) == (Subject.PLAN,) and made is not None and len(made.times) == 9
     np.testing.assert_allclose(made.position[-1], ENDS.goal.position, atol=1e-6)
 
 

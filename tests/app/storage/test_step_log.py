@@ -13,9 +13,10 @@ from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav_app.storage import step_log as log_module
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.storage.step_log import StepLog, count_steps, is_locked, open_step_log, read_steps
-from tests.app.storage.stored_runs import about
-from tests.export.flights import flown
+from tests.app.storage.stored_runs import about, put
+from tests.export.flights import arrived, curve, flown
 
 
 def written(folder: Path, count: int | None = None) -> tuple[NavigationStep, ...]:
@@ -46,6 +47,18 @@ def test_a_flight_reads_back_bit_for_bit_but_for_its_pictures(tmp_path: Path) ->
         if step.image is not None and back.image is not None:
             np.testing.assert_allclose(back.image, step.image, atol=3)
     assert Episode.of(read_steps(tmp_path)).metrics() == Episode.of(steps).metrics()
+
+
+def test_the_first_plan_reads_back_bit_for_bit_and_logs_without_one_still_load(tmp_path: Path) -> None:
+    motion, shelf = curve(), RunStore(tmp_path)
+    first, *others = read_steps(put(shelf, "new", arrived(motion)))
+    assert first.first_plan is not None and first.first_plan.dt == motion.dt
+    for name in ("position", "velocity", "rotation", "body_rate"):
+        assert torch.equal(getattr(first.first_plan.states, name), getattr(motion.states, name))
+    assert torch.equal(first.first_plan.actions, motion.actions)
+    assert all(step.first_plan is None for step in others)
+    assert "first_plan" not in (put(shelf, "old") / log_module.FILE).read_text()
+    assert read_steps(shelf.path("old"))[0].first_plan is None
 
 
 def test_recoveries_are_kept(tmp_path: Path) -> None:
@@ -141,7 +154,8 @@ def test_an_error_on_the_way_keeps_what_was_flown(tmp_path: Path) -> None:
 
 
 def test_what_is_known_of_a_flight_reads_back(tmp_path: Path) -> None:
-    known = about(task="through the gap", open_loop=True, outcome="reached", metrics={"steps": 3})
+    said = {"command": "nerfnav fly balls", "requests": ("a gust",), "plan_outcome": "converged"}
+    known = about(task="through the gap", open_loop=True, **said, outcome="reached", metrics={"steps": 3})
     known.save(tmp_path)
     assert RunMetadata.load(tmp_path) == known
 

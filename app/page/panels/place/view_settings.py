@@ -42,6 +42,9 @@ class ViewSettingsPanel:
             self._unknown = gui.add_checkbox("Unknown", False, hint="Draw space that no camera saw: planners avoid it")
             self._sliced = gui.add_checkbox("Density slice", False, hint="Draw the density at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
+            self._plan = gui.add_checkbox("Plan", True, hint="Draw the plan; in a flight dashes are its first plan")
+            self._executed = gui.add_checkbox("Executed path", True, hint="Draw where the robot truly was")
+            self._estimate = gui.add_checkbox("Estimate", True, hint="Draw where the robot believed to be")
             self._clearance = gui.add_checkbox(
                 "Line by clearance", False, hint="Colour the plan by the robot's clearance"
             )
@@ -51,6 +54,9 @@ class ViewSettingsPanel:
         bind(self._camera, "camera", _CAMERAS.__getitem__)
         bind(self._light, "light", bool)
         bind(self._clearance, "clearance", bool)
+        bind(self._plan, "plan", bool)
+        bind(self._executed, "executed", bool)
+        bind(self._estimate, "estimate", bool)
         bind(self._backdrop, "backdrop", _BACKDROPS.__getitem__)
         bind(self._opacity, "opacity", _share)
         bind(self._clip, "clip", _share)
@@ -72,6 +78,7 @@ class ViewSettingsPanel:
             self._lit = view.light
             apply_brightness(self._server, view.light)
         self._backdrop.value = view.backdrop.value
+        self._plan.value, self._executed.value, self._estimate.value = view.plan, view.executed, view.estimate
         self._clearance.value = self._scale.visible = view.clearance
         self._opacity.value, self._clip.value = round(100 * view.opacity), round(100 * view.clip)
         self._opacity.visible = self._clip.visible = view.backdrop is Backdrop.SURFACE

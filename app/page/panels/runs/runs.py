@@ -6,13 +6,13 @@ from typing import Any
 
 import viser
 
-from nerfnav_app.page.kit.html import LegendEntry, columns, legend, note, table
+from nerfnav_app.page.kit.html import LegendEntry, code, columns, legend, note, table
 from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
 from nerfnav_app.page.kit.widgets import confirm_deletion, format_name, post_on
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.runs import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
 from nerfnav_app.state.session import Session
-from nerfnav_app.storage.run_metadata import StoredRun
+from nerfnav_app.storage.run_metadata import RunMetadata, StoredRun
 from nerfnav_app.text import number
 
 
@@ -29,7 +29,15 @@ def describe(entry: StoredRun) -> str:
         ("Outcome", entry.outcome),
         ("Time steps", f"{entry.steps}, each {about.dt:g} s"),
     ]
-    return table([*rows, *list_numbers(about.metrics)])
+    return table([*rows, *list_numbers(about.metrics)]) + describe_command(about)
+
+
+def describe_command(about: RunMetadata) -> str:
+    """Format the command that flies a flight again as HTML; empty where it is not known."""
+    if about.command is None:
+        return ""
+    left_out = f", without what was asked for on the way: {', '.join(about.requests)}" if about.requests else ""
+    return note(f"This command flies it again{left_out}.") + code(about.command)
 
 
 def list_numbers(metrics: dict[str, Any]) -> list[tuple[str, str]]:

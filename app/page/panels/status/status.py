@@ -160,7 +160,7 @@ _MEANINGS = (
     LegendEntry(START, "start"),
     LegendEntry(GOAL, "goal"),
     LegendEntry(PLAN, "plan"),
-    LegendEntry(TRUTH, "true path"),
+    LegendEntry(TRUTH, "executed path"),
     LegendEntry(BELIEF, "estimate, 95 % covariance"),
     LegendEntry(HIT, "collision"),
 )
