@@ -1,4 +1,4 @@
-// Additions to viser's page that its Python API lacks: lines drawn over walls, and help by "?".
+// Additions to viser's page that its Python API lacks: lines drawn over walls, tooltips, keys, and help by "?".
 "use strict";
 (() => {
   const EVERY_MS = 250;
@@ -27,6 +27,35 @@
       }
     }
   }, EVERY_MS);
+
+  // A mark of a slider whose label is no number is an event: its label is shown as a tooltip alone.
+  setInterval(() => {
+    for (const label of document.querySelectorAll(".mantine-Slider-markLabel")) {
+      const event = isNaN(label.textContent), wrapper = label.closest(".mantine-Slider-markWrapper");
+      label.style.visibility = event ? "hidden" : "";
+      if (!wrapper || wrapper.title === (event ? label.textContent : "")) continue;
+      wrapper.title = event ? label.textContent : "";
+      for (const part of [wrapper, ...wrapper.children]) part.style.pointerEvents = event ? "auto" : "";
+    }
+  }, EVERY_MS);
+
+  // A button that was clicked keeps the focus, and would take the space bar, which pauses.
+  document.addEventListener("click", event => {
+    if (event.detail) event.target.closest?.("button, [role=tab]")?.blur();
+  });
+
+  // viser explains a setting on its box alone: its name does so too.
+  for (const kind of ["mouseenter", "mouseleave"]) {
+    document.addEventListener(kind, event => {
+      const name = event.target;
+      if (!name.matches?.("label[for]")) return;
+      let part = document.getElementById(name.htmlFor);
+      for (; part && part !== document.body; part = part.parentElement) {
+        part.dispatchEvent(new MouseEvent(kind, {clientX: event.clientX, clientY: event.clientY}));
+        if (part.parentElement?.contains(name)) break;
+      }
+    }, true);
+  }
 
   // Help opens by itself on the first visit of this browser, and by "?".
   const SEEN = "nerfnav-help-seen", help = document.getElementById("nerfnav-help");

@@ -110,6 +110,9 @@ def _add_step(session: Session, job: Job, event: PlanStep | FilterStep | Navigat
     if flight is None:
         return session
     if isinstance(event, NavigationStep):
+        risky = None if job.anyway else _find_risky_plan(session, event)
+        if risky is not None:
+            return _keep_grounded(session, risky)
         session = replace(session, flight=flight.with_step(event))
         if event.gust_mps == 0:
             return add_notice(session, "No gust", "The robot has no clearance here: fly on, and push it later.")
@@ -123,6 +126,15 @@ def _add_step(session: Session, job: Job, event: PlanStep | FilterStep | Navigat
     if plan.is_unsafe and not job.anyway:
         return _keep_grounded(session, plan)
     return replace(session, plan=plan, flight=replace(flight, plan=event.motion))
+
+
+def _find_risky_plan(session: Session, step: NavigationStep) -> PlanRecord | None:
+    """Return the plan that a flight has made itself, where its risk is high; the risk of others was shown before."""
+    plan = session.plan
+    if step.index or plan is None or plan.collision_probability is not None:
+        return None
+    plan = replace(plan, summary={**plan.summary, "collision_probability": step.collision_probability})
+    return plan if plan.is_risky else None
 
 
 def _keep_grounded(session: Session, plan: PlanRecord) -> Session:
@@ -149,9 +161,11 @@ def _finish_job(session: Session, job: Job, result: e.JobResult) -> Session:
         quick = result.summary.get("wall_s", PlanRecord.QUICK_S) < PlanRecord.QUICK_S
         plan = replace(session.plan, summary=result.summary, replayed=0.0 if quick else None)
         session = replace(session, plan=plan)
-        if job.fly_after and session.fresh_plan is not None:
+        doubtful = session.doubtful_plan
+        if job.fly_after and session.fresh_plan is not None and doubtful is None:
             return jobs.begin_job(session, JobKind.FLY)
-        return replace(session, unconfirmed=plan) if job.fly_after and plan.is_unsafe and plan.leads else session
+        ask = job.fly_after and doubtful is not None and doubtful.leads
+        return replace(session, unconfirmed=doubtful) if ask else session
     if job.kind is JobKind.PLACE:
         return places.open_georeferenced(session, result)
     if job.kind is JobKind.FIND:

@@ -85,7 +85,7 @@ def begin_job(
     fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=session.new_plan(session.ends))
-    return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends))
+    return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends, flown_by=session.flown_by))
 
 
 def _begin_plan(session: Session) -> Session:
@@ -97,11 +97,11 @@ def _begin_plan(session: Session) -> Session:
 
 
 def _begin_flight(session: Session, anyway: bool) -> Session:
-    """Begin to fly, or ask the user first, where the plan is known not to be safe."""
-    unsafe = session.unsafe_plan
-    if unsafe is None or not unsafe.leads or not session.may_begin:
+    """Begin to fly, or ask the user first, where the plan is known not to be safe, or its risk is high."""
+    doubtful = session.doubtful_plan
+    if doubtful is None or not doubtful.leads or not session.may_begin:
         return begin_job(session, JobKind.FLY)  # which plans by itself, where no plan was found
-    return begin_job(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, unconfirmed=unsafe)
+    return begin_job(session, JobKind.FLY, anyway=doubtful) if anyway else replace(session, unconfirmed=doubtful)
 
 
 def _begin_track(session: Session, command: StartTrack) -> Session:

@@ -1,5 +1,6 @@
 """Flight state: the flight and the search for the robot as far as they have come, settings, and commands in flight."""
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -70,7 +71,7 @@ class FlightSettings:
     """The paper's noise, or the physical world, whose disturbances are its own."""
     realtime: bool = False
     """Let the world go on while filter and planner compute."""
-    pace: float = 0.0
+    pace: float = 1.0
     """Speed of a flight as a multiple of real time; 0: as fast as it is computed."""
 
     @property
@@ -117,6 +118,8 @@ class FlightRecord:
     """Figures of the job, once it has finished."""
     goals_moved: tuple[int, ...] = ()
     """Time steps in which the goal was moved; not known of stored flights."""
+    flown_by: Hashable = None
+    """`Session.flown_by` when it began; None for stored flights, whose settings are not known."""
 
     @property
     def gusts(self) -> tuple[int, ...]:
@@ -127,6 +130,11 @@ class FlightRecord:
     def outcome(self) -> EpisodeOutcome | None:
         """None while it flies, or when it was stopped."""
         return self.steps[-1].outcome if self.steps else None
+
+    @property
+    def leads_to_old_goal(self) -> bool:
+        """True where the goal was moved after the last time step: its plan was made before."""
+        return bool(self.goals_moved) and self.goals_moved[-1] >= len(self.steps)
 
     @property
     def times(self) -> tuple[float, ...]:

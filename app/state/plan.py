@@ -1,6 +1,7 @@
 """Plan state: the plan as far as it is computed, its settings, and the commands on it."""
 
 from dataclasses import dataclass, field, fields, replace
+from enum import Enum
 from typing import Any, ClassVar
 
 from nerfnav.core.errors import InvalidInputError
@@ -23,8 +24,24 @@ from nerfnav_app.state.flight import FlightSettings
 
 _SHORTEST_S, LONGEST_S = 0.5, 600.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
+_MODERATE_FROM, _HIGH_ABOVE = 0.01, 0.1
 NO_TRAJECTORY = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
 """Outcomes of plans that hold no trajectory from start to goal."""
+
+
+class RiskLevel(Enum):
+    """Levels of a collision probability; the value is the word for it."""
+
+    LOW = "low"
+    MODERATE = "moderate"
+    HIGH = "high"
+
+
+def classify_risk(probability: float) -> RiskLevel:
+    """Classify a collision probability, 0 to 1: low under 1 %, high above 10 %."""
+    if probability < _MODERATE_FROM:
+        return RiskLevel.LOW
+    return RiskLevel.HIGH if probability > _HIGH_ABOVE else RiskLevel.MODERATE
 
 
 @dataclass(frozen=True)
@@ -196,6 +213,17 @@ class PlanRecord:
     def is_unsafe(self) -> bool:
         """True for a finished plan that is not to be flown."""
         return self.outcome is not None and self.outcome not in FLYABLE
+
+    @property
+    def collision_probability(self) -> float | None:
+        """Probability that a flight by the plan touches something, 0 to 1; None where it was not estimated."""
+        return self.summary.get("collision_probability")
+
+    @property
+    def is_risky(self) -> bool:
+        """True where a flight by the plan touches something with a high probability."""
+        probability = self.collision_probability
+        return probability is not None and classify_risk(probability) is RiskLevel.HIGH
 
     @property
     def leads(self) -> bool:

@@ -170,6 +170,12 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         return self.plan if self.plan is not None and self.plan.is_unsafe and not self.plan_is_stale else None
 
     @property
+    def doubtful_plan(self) -> PlanRecord | None:
+        """The plan, if it is up to date, and the user has to confirm its flight: it is unsafe, or its risk is high."""
+        fresh = self.fresh_plan
+        return fresh if fresh is not None and fresh.is_risky else self.unsafe_plan
+
+    @property
     def plan_follows_hand(self) -> bool:
         """True where the plan is a moment behind a hand that drags an end."""
         return self.held and self.plan is not None and self.plan.draft and not self.plan.refusal
@@ -199,6 +205,16 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
     def flight_is_stale(self) -> bool:
         """True where start or goal have moved since the flight began."""
         return self.flight is not None and self.flight.ends != self.ends
+
+    @property
+    def flown_by(self) -> Hashable:
+        """All settings that a flight is flown by, but for its pace, which changes nothing of it."""
+        return self.choice, self.plan_settings, replace(self.flight_settings, pace=FlightSettings.pace)
+
+    @property
+    def flight_has_old_settings(self) -> bool:
+        """True where settings have changed since the flight began."""
+        return self.flight is not None and self.flight.flown_by not in (None, self.flown_by)
 
     @property
     def flight_is_shown(self) -> bool:

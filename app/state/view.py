@@ -62,12 +62,16 @@ class ViewSettings:
     """Draw the estimate with its covariance."""
     clearance: bool = False
     """Colour the plan's line by its clearance."""
+    margin: bool = True
+    """Draw the room around the plan that noise asks for."""
     ellipsoid: float = 1.0
     """Scale of covariance ellipsoids and attitude cones; 1 draws the 95 % region."""
 
     def of_flights(self) -> "ViewSettings":
         """Keep only what counts in the drawing of a flight."""
-        return ViewSettings(plan=self.plan, executed=self.executed, estimate=self.estimate, ellipsoid=self.ellipsoid)
+        return ViewSettings(
+            camera=self.camera, plan=self.plan, executed=self.executed, estimate=self.estimate, ellipsoid=self.ellipsoid
+        )
 
     def for_place(self, splats: bool) -> "ViewSettings":
         """Adapt the backdrop to a place that opens: its splats, where it has some, until the user chooses another."""

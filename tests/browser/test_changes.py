@@ -95,7 +95,7 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
 
     def rows() -> np.ndarray | None:
         session = app.session
-        return ClearanceQuery.result_for(session.plan, session)
+        return ClearanceQuery.result_shown(session)
 
     tab.press("status.next.start_plan")
     tab.until_planned()
@@ -107,7 +107,7 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
 
     known = rows()
     assert known is not None
-    wanted = np.repeat(linear(color_by_clearance(known))[:, None], 2, axis=1).reshape(-1).tolist()
+    wanted = np.repeat(linear(color_by_clearance(known.rows))[:, None], 2, axis=1).reshape(-1).tolist()
     tab.until(lambda: tab.property("/plan/room", "colors") == wanted, "the line has other colours")
     tab.until(lambda: tab.says("cm of clearance"), "there is no scale")
     tab.box("view_settings.clearance").click()

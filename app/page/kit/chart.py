@@ -5,6 +5,7 @@ The curves are position error with three standard deviations, and computing time
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import viser
@@ -12,7 +13,7 @@ from viser import uplot
 
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import POSITION
-from nerfnav_app.page.kit.html import LegendEntry, legend
+from nerfnav_app.page.kit.html import LegendEntry, legend, note
 from nerfnav_app.page.kit.theme import BELIEF, HIT, PLAN, STALE, TRUTH, css
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
@@ -25,12 +26,23 @@ class Chart:
     """A uPlot chart with a legend, hidden while there are fewer than two points."""
 
     def __init__(
-        self, server: viser.ViserServer, across: str, lines: tuple[LegendEntry, ...], logarithmic: bool = False
+        self,
+        server: viser.ViserServer,
+        across: str,
+        lines: tuple[LegendEntry, ...],
+        logarithmic: bool = False,
+        least_top: float | None = None,
     ) -> None:
-        """Add it to the panel; `across` and `lines` name the axes with units, `lines` with colours."""
+        """Add it to the panel; `across` and `lines` name the axes with units, `lines` with colours.
+
+        With `least_top` the vertical axis begins at 0 and reaches at least that: the page writes ticks with three
+        decimals, so that those of smaller numbers are all "0".
+        """
         start = np.array([0.0, 1.0])
         quiet, grid = uplot.Axis_Ticks(show=False), uplot.Axis_Grid(stroke=css(STALE), width=0.3)
         scales = {"x": uplot.Scale(time=False)} | ({"y": uplot.Scale(distr=3)} if logarithmic else {})
+        if least_top is not None:
+            scales["y"] = uplot.Scale(range=_from_zero(least_top))
         self._chart = server.gui.add_uplot(
             (start, *(start + 1e-3 for _ in lines), start + 1e-3),
             (
@@ -45,14 +57,32 @@ class Chart:
             height=150 if logarithmic else 120,
             visible=False,
         )
+        self._lines = lines
         self._legend = server.gui.add_html(legend(lines), visible=False)
 
-    def show(self, rows: np.ndarray, at: float | None = None) -> None:
-        """Draw rows: the horizontal axis, then one row for each line; with a cursor at the position `at`."""
+    def show(self, rows: np.ndarray, at: float | None = None, top: float = np.inf) -> None:
+        """Draw rows: the horizontal axis, then one row for each line; with a cursor at the position `at`.
+
+        What is above `top` is clipped there, and the legend says so.
+        """
         enough = rows.shape[1] > 1
         if enough:
-            self._chart.data = tuple(with_cursor(rows, at))
+            highest = float(rows[1:].max())
+            clipped = np.concatenate([rows[:1], np.minimum(rows[1:], top)])
+            self._chart.data = tuple(with_cursor(clipped, at))
+            mark = note(f"Clipped at the top: values up to {highest:,.0f}") if highest > top else ""
+            self._legend.content = legend(self._lines) + mark
         self._chart.visible = self._legend.visible = enough
+
+
+def _from_zero(least_top: float) -> Any:
+    """Build the range of an axis from 0 to the largest value, and to at least `least_top`."""
+    low = {"hard": 0.0, "soft": 0.0, "mode": _ALWAYS, "pad": 0.0}
+    return {"min": low, "max": {"soft": least_top, "mode": _ALWAYS, "pad": 0.1}}
+
+
+_ALWAYS = 1
+"""Mode of uPlot in which an axis always reaches its soft limit."""
 
 
 def with_cursor(rows: np.ndarray, at: float | None) -> np.ndarray:
@@ -77,6 +107,8 @@ class Curves:
     """Colour and name with unit of each line."""
     of: Callable[[tuple[NavigationStep, ...]], np.ndarray]
     """Computes rows from the steps of a flight: time [s], then each line."""
+    top: Callable[[np.ndarray], float] = lambda rows: np.inf
+    """Computes from the rows the value above which they are clipped."""
 
 
 class FlightRows:
@@ -103,14 +135,15 @@ class FlightChart:
 
     def __init__(self, server: viser.ViserServer, curves: Curves) -> None:
         self._chart = Chart(server, "time [s]", curves.lines)
-        self._rows = FlightRows(curves.of)
+        self._rows, self._top = FlightRows(curves.of), curves.top
         self._shown: tuple[FlightRecord | None, float | None] = None, None
 
     def show(self, session: Session) -> None:
         """Draw the flight, unless it is drawn already."""
         shown = session.flight, time_shown(session)
         if shown[0] is not self._shown[0] or shown[1] != self._shown[1]:
-            self._chart.show(self._rows.of(() if session.flight is None else session.flight.steps), shown[1])
+            rows = self._rows.of(() if session.flight is None else session.flight.steps)
+            self._chart.show(rows, shown[1], self._top(rows))
         self._shown = shown
 
 
@@ -139,6 +172,16 @@ def time_curves(steps: tuple[NavigationStep, ...]) -> np.ndarray:
     return np.array(rows, dtype=np.float64).reshape(-1, 4).T
 
 
+def top_of_times(rows: np.ndarray) -> float:
+    """Compute the top of the chart of times [ms]: above most of the steps after the first, which may have compiled."""
+    later = rows[1:, 1:]
+    return _ROOM * float(np.percentile(later.max(0), _MOST)) if later.size else np.inf
+
+
+_MOST, _ROOM = 95, 1.3
+"""Percentile of the later steps that is seen whole, and the room above it."""
+
+
 ERRORS = Curves(
     (LegendEntry(TRUTH, "position error [cm]"), LegendEntry(BELIEF, "three standard deviations [cm]")), error_curves
 )
@@ -146,5 +189,6 @@ ERRORS = Curves(
 TIMES = Curves(
     (LegendEntry(BELIEF, "filter [ms]"), LegendEntry(PLAN, "replanning [ms]"), LegendEntry(HIT, "time step [ms]")),
     time_curves,
+    top_of_times,
 )
 """Computing times of each time step, and its length."""

@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 
-from nerfnav_app.page.kit.theme import HIT, MUTED, START, Rgb, css, on_scale, readable
+from nerfnav_app.page.kit.theme import CAUTION, HIT, MUTED, START, Rgb, css, on_scale, readable
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,11 @@ def warning(text: str) -> str:
     return f'<div style="{_PADDING} color: {readable(HIT)}">{escape(text)}</div>'
 
 
+def caution(text: str) -> str:
+    """Format in amber what is neither good nor bad."""
+    return f'<div style="{_PADDING} color: {readable(CAUTION)}">{escape(text)}</div>'
+
+
 def fine(text: str) -> str:
     """Format good news in the colour of the start."""
     return f'<div style="{_PADDING} color: {readable(START)}">{escape(text)}</div>'
@@ -52,18 +58,47 @@ def heading(title: str, text: str = "") -> str:
     )
 
 
+class Row(NamedTuple):
+    """Row of a table: a name, and a value with its unit."""
+
+    name: str
+    value: str
+    term: str = ""
+    """Tooltip with the technical term."""
+    color: str = "inherit"
+    """Colour of the value, as CSS."""
+
+
 def table(rows: Iterable[tuple[str, ...]]) -> str:
-    """Format rows of name and value with its unit; a third text is a tooltip with the technical term."""
+    """Format rows: the texts of each are those of a `Row`."""
     cells = "".join(
-        f'<div style="color: {MUTED}"{_tooltip(*term)}>{escape(name)}</div>'
-        f'<div style="text-align: right; font-variant-numeric: tabular-nums"{_tooltip(*term)}>{escape(value)}</div>'
-        for name, value, *term in rows
+        f'<div style="color: {MUTED}"{_tooltip(row.term)}>{escape(row.name)}</div>'
+        f'<div style="text-align: right; font-variant-numeric: tabular-nums; color: {row.color}"{_tooltip(row.term)}>'
+        f"{escape(row.value)}</div>"
+        for row in (Row(*texts) for texts in rows)
     )
     return f'<div style="{_PADDING} display: grid; grid-template-columns: auto auto; gap: 0.05em 1em">{cells}</div>'
 
 
-def _tooltip(text: str = "") -> str:
+def _tooltip(text: str) -> str:
     return f' title="{escape(text)}"' if text else ""
+
+
+class EventEntry(NamedTuple):
+    """Event of a list: its text, and the tooltip that explains it."""
+
+    text: str
+    term: str
+
+
+def events(entries: Iterable[EventEntry]) -> str:
+    """Format events in lines that wrap."""
+    items = "".join(
+        f'<span style="white-space: nowrap; margin-right: 0.9em; display: inline-block; cursor: help"'
+        f"{_tooltip(entry.term)}>{escape(entry.text)}</span>"
+        for entry in entries
+    )
+    return f'<div style="{_PADDING} color: {MUTED}">{items}</div>'
 
 
 def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

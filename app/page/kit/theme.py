@@ -22,6 +22,8 @@ TRUTH: Rgb = (0, 214, 255)
 BELIEF: Rgb = (240, 120, 0)
 CANDIDATE: Rgb = (205, 180, 255)
 HIT: Rgb = (228, 68, 60)
+CAUTION: Rgb = (245, 170, 40)
+"""Of texts alone: what is neither good nor bad."""
 OTHER_TRUTH: Rgb = (196, 236, 255)
 OTHER_PLAN: Rgb = (255, 246, 180)
 CLEARANCE_CM = (0.0, 20.0)

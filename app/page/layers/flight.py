@@ -11,11 +11,11 @@ from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions
 from nerfnav_app.page.layers.shapes import ball, cone, ellipsoids
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import ViewSettings
+from nerfnav_app.state.view import CameraMode, ViewSettings
 from nerfnav_app.text import number
 
 _ARROW = 0.2  # length of what stands for a gust [m]
-_LARGEST, _FAINT = 0.15, 0.12  # half axis that is drawn as it is, in edges of the place; opacity of what is larger
+_LARGEST, _FAINT = 0.1, 0.12  # half axis that is drawn as it is, in diagonals of the place; opacity of what is larger
 _PAST = 5  # earlier plans that are still drawn
 
 
@@ -47,15 +47,16 @@ class FlightLayer:
         if self._shown is not None and self._shown[0] is flight and self._shown[1] == view:
             return
         self._shown = flight, view
-        size = float(session.place.field.box.size.max()) if session.place is not None else np.inf
+        size = float(session.place.field.box.size.norm()) if session.place is not None else np.inf
         with self._server.atomic():
             self._robot.embody(session)
             self._ghost.embody(session)
             steps = () if flight is None else flight.steps
-            self._robot.show_states(RigidState.stack([steps[-1].truth]) if steps else None)
+            marked = view.camera is not CameraMode.ROBOT  # the camera of the robot's own view is within its marks
+            self._robot.show_states(RigidState.stack([steps[-1].truth]) if steps and marked else None)
             self._show_plans(flight if view.plan else None)
             self._show_executed(flight if view.executed else None)
-            self._show_estimate(flight if view.estimate else None, view.ellipsoid, size)
+            self._show_estimate(flight if view.estimate else None, view, size)
 
     def _show_plans(self, flight: FlightRecord | None) -> None:
         """Draw the first plan in dashes, and under way what the robot intends now and did before."""
@@ -75,11 +76,15 @@ class FlightLayer:
         self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
         self._hits.show(*_balls(true[[step.touched for step in steps]], radius=0.025))
 
-    def _show_estimate(self, flight: FlightRecord | None, scale: float, size: float) -> None:
-        """Draw the estimated path with its covariances, and the robot where it believes to be."""
+    def _show_estimate(self, flight: FlightRecord | None, view: ViewSettings, size: float) -> None:
+        """Draw the estimated path with its covariances, and the robot where it believes to be.
+
+        In the robot's own view, which is within these marks, the path alone.
+        """
+        self._belief.show(_centers([step.belief.mean for step in () if flight is None else flight.steps]))
+        flight, scale = None if view.camera is CameraMode.ROBOT else flight, view.ellipsoid
         steps = () if flight is None else flight.steps
         believed = _centers([step.belief.mean for step in steps])
-        self._belief.show(believed)
         self._show_covariances([step.belief for step in steps], scale, size)
         self._nose.show(cone(steps[-1].belief, scale) if steps else None)
         # dots: the line of a good estimate lies within the line of the truth
@@ -88,15 +93,19 @@ class FlightLayer:
         self._ghost.show_states(None if guess is None else RigidState.stack([guess]))
 
     def _show_covariances(self, beliefs: list[Belief], scale: float, size: float) -> None:
-        """Draw the 95 % regions; of those too large for a place of `size` [m] the last alone, with its half axis."""
+        """Draw the 95 % regions, `scale` times as large as they are.
+
+        Of those that would be longer than a fifth of the diagonal `size` [m] of the place, the last alone is drawn, as
+        long as that, with a label.
+        """
         centers, wxyzs, half = ellipsoids(beliefs)
-        sure = half.max(-1, initial=0) <= _LARGEST * size
+        sure = scale * half.max(-1, initial=0) <= _LARGEST * size
         self._covariance.show(centers[sure], wxyzs[sure], scale * half[sure])
         lost = slice(-1, None) if beliefs and not sure[-1] else slice(0, 0)
-        self._lost.show(centers[lost], wxyzs[lost], np.minimum(half[lost], _LARGEST * size))
+        self._lost.show(centers[lost], wxyzs[lost], np.minimum(scale * half[lost], _LARGEST * size))
         self._size_label.visible = bool(beliefs) and not sure[-1]
         if self._size_label.visible:
-            self._size_label.text = f"position ± {number(half[-1].max(), 'm', digits=2)}"
+            self._size_label.text = f"position ± {number(half[-1].max(), 'm', digits=2)}, drawn smaller"
             self._size_label.position = tuple(centers[-1].tolist())
 
 

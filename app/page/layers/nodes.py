@@ -98,6 +98,29 @@ class Trail:
         self._fan.show(np.concatenate(lines) if lines else None, np.concatenate(colors) if lines else None)
 
 
+class Tube:
+    """Translucent mesh around a line."""
+
+    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, opacity: float) -> None:
+        """Add it, hidden."""
+        self._node = server.scene.add_mesh_simple(
+            name,
+            np.zeros((3, 3), np.float32),
+            np.array([[0, 1, 2]], np.uint32),
+            color=color,
+            opacity=opacity,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def show(self, shape: Shape | None) -> None:
+        """Draw a shape, or nothing, inside a block of `server.atomic`."""
+        if shape is not None:
+            self._node.vertices, self._node.faces = shape.vertices, shape.faces
+        self._node.visible = shape is not None
+
+
 class Bodies:
     """Bodies of one shape, such as those along a plan."""
 

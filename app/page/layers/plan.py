@@ -1,18 +1,21 @@
 """Plan: its trajectory, a few earlier iterations, and the body along it."""
 
+from collections.abc import Hashable
 from enum import Enum
 
 import numpy as np
 import viser
 
 from nerfnav.planner import FLYABLE, PLANNERS, PlanOutcome
-from nerfnav.robots import Motion
+from nerfnav.robots import Motion, Robot
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
-from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, segments
-from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, Tube, drops, positions, segments
+from nerfnav_app.page.layers.shapes import tube
+from nerfnav_app.queries.clearance import Clearance, ClearanceQuery
 from nerfnav_app.state.plan import NO_TRAJECTORY, PlanRecord
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import CameraMode, ViewSettings
 
 _THICKNESS = 0.017  # [m]
 
@@ -27,18 +30,21 @@ class PlanLayer:
         self._drops = Fan(server, "/plan/drops", STALE, 0.2 * _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", PLAN, opacity=0.35)
+        self._margin = Tube(server, "/plan/margin", PLAN, opacity=0.12)
         self._comparison = {name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()}
         self._compared: tuple[PlannerResult, ...] = ()
         self._floor = 0.0
         self._plan: PlanRecord | None = None
-        self._clearance: np.ndarray | None = None
-        self._shown: tuple[PlanStyle, bool] | None = None
+        self._clearance: Clearance | None = None
+        self._shown: Hashable = None
 
     def show(self, session: Session) -> None:
         """Draw the plan as `choose_plan_style` says."""
         self._compare(session.comparison)
-        plan, shown = session.plan, (choose_plan_style(session), session.job is not None or session.held)
-        clearance = ClearanceQuery.result_for(plan, session) if session.view_settings.clearance else None
+        plan, style, view = session.plan, choose_plan_style(session), session.view_settings
+        busy = session.job is not None or session.held
+        clearance = None if session.flight_is_shown else ClearanceQuery.result_shown(session)
+        shown = style, busy, view
         if plan is self._plan and shown == self._shown and clearance is self._clearance:
             return
         self._plan, self._shown, self._clearance = plan, shown, clearance
@@ -46,19 +52,23 @@ class PlanLayer:
             self._floor = float(session.place.field.box.lower[2])
         with self._server.atomic():
             self._bodies.embody(session)
-            self._draw(plan if shown[0] is not PlanStyle.HIDDEN else None, *shown)
+            self._draw(plan if style is not PlanStyle.HIDDEN else None, style, busy, view)
+            if session.place is not None:
+                self._show_margin(session.place.robot, style, busy, view)
 
-    def _draw(self, plan: PlanRecord | None, style: "PlanStyle", busy: bool) -> None:
+    def _draw(self, plan: PlanRecord | None, style: "PlanStyle", busy: bool, view: ViewSettings) -> None:
         """Draw the plan; the bodies along it once it no longer changes."""
         motion = None if plan is None or plan.shown is None else plan.shown.motion
         moving = busy or (plan is not None and plan.replayed is not None)
         self._line.show(
             None if motion is None else positions(motion.states), _COLORS.get(style), dashed=style is PlanStyle.UNSAFE
         )
-        self._show_clearance(None if moving or style is not PlanStyle.WANTED else motion)
+        colored = view.clearance and not moving and style is PlanStyle.WANTED
+        self._show_clearance(motion if colored else None)
         self._drops.show(None if motion is None else drops(positions(motion.states)[::2], self._floor))
         self._trail.show(_beside(plan, moving) if plan is not None and style is PlanStyle.WANTED else ())
-        if motion is None or moving or style is PlanStyle.STALE:
+        # the camera of the robot's own view is within the first of them
+        if motion is None or moving or style is PlanStyle.STALE or view.camera is CameraMode.ROBOT:
             self._bodies.show_states(None)
         else:
             self._bodies.paint(_COLORS[style])
@@ -69,7 +79,19 @@ class PlanLayer:
         if motion is None or self._clearance is None:
             self._clearances.show(None)
         else:
-            self._clearances.show(segments(positions(motion.states)), color_by_clearance(self._clearance))
+            self._clearances.show(segments(positions(motion.states)), color_by_clearance(self._clearance.rows))
+
+    def _show_margin(self, robot: Robot, style: "PlanStyle", busy: bool, view: ViewSettings) -> None:
+        """Draw the room that noise asks for around a plan that rests."""
+        plan, known = self._plan, self._clearance
+        deviations = None if known is None else known.deviations
+        moving = busy or plan is None or plan.latest is None or plan.replayed is not None
+        hidden = style is not PlanStyle.WANTED or not view.margin or view.camera is CameraMode.ROBOT
+        if moving or hidden or plan is None or plan.latest is None or deviations is None:
+            self._margin.show(None)
+        else:
+            centers = positions(plan.latest.motion.states)
+            self._margin.show(tube(centers, robot.body.radius, deviations))
 
     def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
         """Draw the plans of a comparison of planners."""

@@ -80,6 +80,62 @@ def _turned(profile: np.ndarray) -> Shape:
     return Shape(vertices.astype(np.float32), faces[whole].astype(np.uint32))
 
 
+def tube(centers: np.ndarray, radius: float, deviations: np.ndarray) -> Shape:
+    """Build a tube with round ends around a line.
+
+    Args:
+        centers: Points of the line (n, 3) [m].
+        radius: Radius of the body [m].
+        deviations: Standard deviations at each point, level and vertical (n, 2) [m]: two are added to the radius.
+    """
+    ahead = _tangents(centers)
+    angle = np.linspace(0, np.pi / 2, _CAP + 1)[1:]
+    # rings beyond both ends: moved along the tangent, and narrower
+    moved = np.concatenate([-np.sin(angle[::-1]), np.zeros(len(centers)), np.sin(angle)])
+    width = np.concatenate([np.cos(angle[::-1]), np.ones(len(centers)), np.cos(angle)])
+    at = np.clip(np.arange(-_CAP, len(centers) + _CAP), 0, len(centers) - 1)
+    around = np.arange(_AROUND) * (2 * np.pi / _AROUND)
+    circle = np.stack([np.cos(around), np.sin(around)], -1) @ np.stack(_across(ahead), 1)
+    outward = moved[:, None, None] * ahead[at][:, None] + width[:, None, None] * circle[at]
+    level, height = (deviations[at, axis, None] for axis in range(2))
+    rise = outward[..., 2] ** 2
+    reach = radius + _SIGMAS * np.sqrt(level**2 * (1 - rise).clip(0) + height**2 * rise)
+    vertices = (centers[at][:, None] + reach[..., None] * outward).reshape(-1, 3)
+    here = np.stack([np.arange(_AROUND), np.roll(np.arange(_AROUND), -1)], -1)
+    lower = here + _AROUND * np.arange(len(at) - 1)[:, None, None]
+    quads = np.concatenate([lower, lower[..., ::-1] + _AROUND], -1).reshape(-1, 4)
+    return Shape(vertices.astype(np.float32), quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.uint32))
+
+
+_CAP, _SIGMAS = 3, 2.0
+"""Rings of a round end; standard deviations of room for noise."""
+
+
+def _tangents(centers: np.ndarray) -> np.ndarray:
+    """Compute unit tangents (n, 3) of a line; where it rests, that before, or a level one."""
+    ahead = np.gradient(centers.astype(np.float64), axis=0)
+    last = np.array([1.0, 0.0, 0.0])
+    moving = np.linalg.norm(ahead, axis=-1)
+    if (moving > _RESTS).any():
+        last = ahead[moving > _RESTS][0] / moving[moving > _RESTS][0]
+    for index, length in enumerate(moving):
+        last = ahead[index] / length if length > _RESTS else last
+        ahead[index] = last
+    return ahead
+
+
+def _across(ahead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Carry two unit vectors across the tangents (n, 3) along the line, without a twist."""
+    first = np.zeros_like(ahead)
+    axis = np.eye(3)[np.abs(ahead[0]).argmin()]
+    for index, tangent in enumerate(ahead):
+        axis = axis - (axis @ tangent) * tangent
+        first[index] = axis = axis / max(float(np.linalg.norm(axis)), _RESTS)
+    return first, np.cross(ahead, first)
+
+
+_RESTS = 1e-6
+"""Length below which a vector has no direction."""
 _NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
 _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 

@@ -14,17 +14,17 @@ from nerfnav.geometry import so3, to_linear, to_srgb, tone_map
 from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost
 from nerfnav.robots.state import RigidState
-from nerfnav_app.page.kit.html import table
+from nerfnav_app.page.kit.html import caution, fine, table
 from nerfnav_app.page.kit.theme import branded, linear
 from nerfnav_app.page.layers.camera_modes import compute_view
 from nerfnav_app.page.layers.flight import FlightLayer, arrows
 from nerfnav_app.page.layers.nodes import dashes, drops, quaternions, segments
-from nerfnav_app.page.layers.shapes import Shape, ball, cone, ellipsoids, robot_shape
+from nerfnav_app.page.layers.shapes import Shape, ball, cone, ellipsoids, robot_shape, tube
 from nerfnav_app.page.panels.flight import flight as fly_panel
 from nerfnav_app.page.panels.plan import ends as ends_panel
 from nerfnav_app.page.panels.plan import plan
 from nerfnav_app.page.panels.status.next_step import NEXT
-from nerfnav_app.page.panels.status.status import describe_activity
+from nerfnav_app.page.panels.status.status import describe_activity, describe_landing
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.surface_glb import (
     BRIGHTEST,
@@ -225,10 +225,27 @@ def test_every_kind_of_job_is_said_in_a_line(kind: JobKind) -> None:
 
 def test_numbers_of_a_flight_carry_their_units() -> None:
     record = FlightRecord(ENDS)
-    for index in range(3):
-        record = record.with_step(flight_step(ENDS, index, EpisodeOutcome.REACHED if index == 2 else None))
+    for index in range(9):
+        record = record.with_step(flight_step(ENDS, index, EpisodeOutcome.REACHED if index == 8 else None))
     html = fly_panel.describe(record, stale=False, flying=False)
-    assert all(text in html for text in ("0.2 s", "1 cm", "1 ms", "2 ms", sentence(EpisodeOutcome.REACHED.value)))
+    assert all(text in html for text in ("0.8 s", "1 cm", "1 ms", "2 ms", sentence(EpisodeOutcome.REACHED.value)))
+
+
+def test_a_robot_that_only_believes_to_have_arrived_is_amber_and_says_how_far_away_it_is() -> None:
+    steps = tuple(flight_step(ENDS, index) for index in range(8))
+    there = FlightRecord(ENDS, (*steps, flight_step(ENDS, 8, EpisodeOutcome.REACHED)))
+    away = FlightRecord(ENDS, (*steps[:6], flight_step(ENDS, 6, EpisodeOutcome.REACHED)))
+    assert describe_landing(there) == "Arrived after 0.8 s, 0 cm from the goal"
+    assert describe_landing(away) == "Believes to have arrived after 0.6 s, 35 cm from the goal"
+    assert (fly_panel.format_landing(there), fly_panel.format_landing(away)) == (fine, caution)
+    assert "believes to be at the goal, 35 cm away" in fly_panel.describe(away, stale=False, flying=False)
+
+
+def test_numbers_of_a_flight_with_the_settings_before_say_so() -> None:
+    record = FlightRecord(ENDS, (flight_step(ENDS, 8, EpisodeOutcome.REACHED),))
+    marked, plain = (fly_panel.describe(record, stale=False, flying=False, old=old) for old in (True, False))
+    assert marked.startswith(caution("Settings have changed: these are the numbers of the flight with the old ones."))
+    assert marked.endswith(plain)
 
 
 def test_before_a_flight_the_plan_alone_can_be_taken_away() -> None:
@@ -279,15 +296,43 @@ def test_a_lost_robots_ellipsoid_is_capped_alone_and_labelled() -> None:
     layer = FlightLayer.__new__(FlightLayer)
     layer._covariance, layer._lost, layer._size_label = _Drawn(), _Drawn(), _Label()  # type: ignore[assignment]
     sure, lost = belief_with(1e-4 * torch.eye(3)), belief_with(1.31 * torch.eye(3))
-    layer._show_covariances([sure, lost, lost], 1.0, 2.0)
+    layer._show_covariances([sure, lost, lost], 1.0, 3.0)
     assert len(layer._covariance.scales) == 1 and len(layer._lost.scales) == 1  # type: ignore[attr-defined]
     assert layer._lost.scales.max() == pytest.approx(0.3)  # type: ignore[attr-defined]
-    assert layer._size_label.visible and layer._size_label.text == "position ± 3.2 m"
-    layer._show_covariances([lost, sure], 3.0, 2.0)
+    assert layer._size_label.visible and layer._size_label.text == "position ± 3.2 m, drawn smaller"
+    layer._show_covariances([lost, sure], 3.0, 3.0)
     assert not layer._size_label.visible and len(layer._lost.scales) == 0  # type: ignore[attr-defined]
     assert layer._covariance.scales.max() == pytest.approx(3 * 2.7955e-2, rel=1e-3)  # type: ignore[attr-defined]
-    layer._show_covariances([], 1.0, 2.0)
+    layer._show_covariances([], 1.0, 3.0)
     assert not layer._size_label.visible and len(layer._covariance.scales) == 0  # type: ignore[attr-defined]
+
+
+def test_an_ellipsoid_that_is_drawn_larger_than_it_is_does_not_flood_the_place() -> None:
+    layer = FlightLayer.__new__(FlightLayer)
+    layer._covariance, layer._lost, layer._size_label = _Drawn(), _Drawn(), _Label()  # type: ignore[assignment]
+    unsure = belief_with(0.04**2 * torch.eye(3))  # half axes of 11 cm
+    layer._show_covariances([unsure, unsure], 1.0, 2.0)
+    assert len(layer._covariance.scales) == 2 and not layer._size_label.visible  # type: ignore[attr-defined]
+    layer._show_covariances([unsure, unsure], 5.0, 2.0)
+    assert len(layer._covariance.scales) == 0 and len(layer._lost.scales) == 1  # type: ignore[attr-defined]
+    assert layer._lost.scales.max() == pytest.approx(0.2)  # type: ignore[attr-defined]
+    assert layer._size_label.text == "position ± 0.11 m, drawn smaller"
+
+
+def test_the_tube_around_a_plan_has_the_room_for_noise_on_all_sides_and_is_closed() -> None:
+    centers = np.stack([np.linspace(0, 1, 11), np.zeros(11), np.full(11, 0.5)], -1)
+    drawn = tube(centers, 0.1, np.tile([0.04, 0.02], (11, 1)))
+    beside = drawn.vertices[np.abs(drawn.vertices[:, 0] - 0.5) < 1e-6] - [0.5, 0, 0.5]
+    assert np.abs(beside[:, 1]).max() == pytest.approx(0.18) and np.abs(beside[:, 2]).max() == pytest.approx(0.14)
+    assert drawn.vertices[:, 0].min() == pytest.approx(-0.18) and drawn.vertices[:, 0].max() == pytest.approx(1.18)
+    mesh = _mesh(drawn)
+    mesh.merge_vertices()
+    assert mesh.volume > 0, "its outside is drawn"
+
+
+def test_the_tube_around_a_plan_that_rests_or_climbs_is_finite() -> None:
+    for centers in (np.zeros((4, 3)), np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 2]])):
+        assert np.isfinite(tube(centers, 0.1, np.full((4, 2), 0.03)).vertices).all()
 
 
 def test_an_arrow_points_to_where_a_gust_blew_the_robot() -> None:

@@ -11,9 +11,9 @@ from nerfnav.field.core.occupancy import classify_unseen
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav_app.places.ends import End, EndRole, Ends
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.places.place import Place
-from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.queries.clearance import ClearanceQuery, ShownMotion
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.queries.density_slice import DensitySliceQuery
 from nerfnav_app.queries.end_fit import EndFitQuery
@@ -22,9 +22,8 @@ from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.space import Space, SpaceQuery
 from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.place import Click
-from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.view import Eye
-from tests.app.doubles import balls_place, plan_step
+from tests.app.doubles import balls_place
 
 PLACE = balls_place()
 UNSEEN = slice(6, 16), slice(32, 44), slice(4, 16)
@@ -118,6 +117,6 @@ def test_what_no_camera_saw_is_occupied_and_near_as_it_is_for_planners() -> None
     assert near[0] > 50 and near[1] == 0
     states = RigidState.stack([RigidState.at_rest(tuple(middle.tolist()))] * 2)
     motion = Motion(states, torch.zeros(1, 4), 0.1)
-    still = ClearanceQuery(PlanRecord(Ends(), latest=replace(plan_step(Ends(), 0), motion=motion)))
-    (_, inside, _), (_, outside, _) = (still.answer(Resources(one)) for one in (place, PLACE))
+    still = ClearanceQuery(ShownMotion(motion))
+    (_, inside, _), (_, outside, _) = (still.answer(Resources(one)).rows for one in (place, PLACE))
     assert inside[0] == 0 < outside[0]

@@ -99,9 +99,9 @@ def test_a_plan_that_cannot_follow_is_greyed_and_says_why(opened: Session) -> No
 
 def test_what_was_dragged_away_from_a_flight_is_planned_again(opened: Session) -> None:
     flying = after(well_planned(opened), m.StartFlight())
-    steps = [flight_step(flying.ends, 0), flight_step(flying.ends, 1, EpisodeOutcome.REACHED)]
+    steps = [flight_step(flying.ends, 0), flight_step(flying.ends, 8, EpisodeOutcome.REACHED)]
     landed = reports(flying, *steps, JobFinished("fly"))
-    assert choose_plan_style(landed) is PlanStyle.HIDDEN and "Arrived after 0.1 s" in status(landed).text
+    assert choose_plan_style(landed) is PlanStyle.HIDDEN and "Arrived after 0.8 s" in status(landed).text
     moving = after(landed, held(THERE))
     assert asked_of(moving).record.draft and choose_plan_style(moving) is PlanStyle.STALE
 

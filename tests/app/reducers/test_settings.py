@@ -14,15 +14,15 @@ from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.page.panels.plan.plan import chart_data, describe, describe_comparison
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.queries.catalog import pending_queries
-from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.queries.clearance import Clearance, ClearanceQuery, ShownMotion
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.plan import CostHistory, PlanRecord, PlanSettings
+from nerfnav_app.state.plan import CostHistory, PlanSettings
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend
-from tests.app.doubles import balls_place, plan_step
+from tests.app.doubles import balls_place
 from tests.app.following import followed, result_of
 from tests.app.sessions import after, planned, reports
 
@@ -96,7 +96,7 @@ def test_rivals_are_collected_and_forgotten_when_a_new_plan_begins(opened: Sessi
 def test_the_page_asks_once_how_near_a_finished_plan_comes(opened: Session) -> None:
     session = planned(opened)
     (asked,) = [query for query in pending_queries(session) if isinstance(query, ClearanceQuery)]
-    known = reduce(session, m.QueryAnswered(asked, np.zeros((3, 8))))
+    known = reduce(session, m.QueryAnswered(asked, Clearance(np.zeros((3, 8)))))
     assert asked not in pending_queries(known)
 
 
@@ -104,8 +104,7 @@ def test_a_profile_has_clearance_and_bound_of_each_step() -> None:
     events = compare.run([PlanRequest(Ends(End(FROM), End(TO)), steps=10)], PLACE)
     (result,) = [event.result for event in events if isinstance(event, PlannerCompared)]
     assert result.motion is not None
-    last = replace(plan_step(Ends(), 0), motion=result.motion)
-    time, clearance, bound = ClearanceQuery(PlanRecord(Ends(), latest=last)).answer(Resources(PLACE))
+    time, clearance, bound = ClearanceQuery(ShownMotion(result.motion)).answer(Resources(PLACE)).rows
     assert np.allclose(time, 0.1 * np.arange(1, 11))
     assert clearance.min() == pytest.approx(100 * result.summary["safety"]["min_clearance_m"], abs=0.2)
     assert bound.max() == pytest.approx(100 * result.summary["safety"]["bound_per_step_max"], rel=1e-3, abs=1e-6)

@@ -99,6 +99,13 @@ def _three(values: np.ndarray, unit: str) -> str:
     return " · ".join(f"{value:.2g}" for value in values) + f" {unit}"
 
 
+def explain_no_search(session: Session) -> str:
+    """Explain why the robot cannot be localized globally now; nothing where it can."""
+    if session.last_picture is None:
+        return "Find the robot needs a camera picture: fly first."
+    return "" if session.may_find else "Find the robot has to wait until the running job has ended."
+
+
 class EstimatePanel:
     """Panel of the estimator, its numbers at the last time step, and its error over the flight."""
 
@@ -111,6 +118,7 @@ class EstimatePanel:
             "Find the robot", icon=viser.Icon.MAP_SEARCH, disabled=True,
             hint="Global localization: compare its last picture with the whole field, without a prior",
         )  # fmt: skip
+        self._reason = server.gui.add_html("", visible=False)
         self._kidnap = server.gui.add_button(
             "Kidnap the robot", color="gray", icon=viser.Icon.HAND_GRAB, visible=False,
             hint="Move the flying robot to another pose, without a report to its filter",
@@ -127,6 +135,8 @@ class EstimatePanel:
         self._ellipsoid.value = session.view_settings.ellipsoid
         self._errors.show(session)
         self._find.disabled = not session.may_find
+        # browsers show no hint of a button that is disabled
+        self._reason.content, self._reason.visible = note(explain_no_search(session)), not session.may_find
         self._kidnap.visible = session.in_flight
         self._found.visible = session.search is not None
         if session.search is not None:

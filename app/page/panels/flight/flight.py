@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from nerfnav.navigation import WorldName
+from nerfnav.navigation import EpisodeOutcome, NavigateConfig, WorldName
 from nerfnav.robots import ATTITUDE, POSITION
 from nerfnav_app.page.kit.chart import TIMES, FlightChart
-from nerfnav_app.page.kit.html import note, table, warning
+from nerfnav_app.page.kit.html import caution, fine, note, table, warning
 from nerfnav_app.page.kit.widgets import Binder, post_on
 from nerfnav_app.state.actions import Command, Gust, Pause, Resume, Settings, StepOnce
 from nerfnav_app.state.flight import LARGEST_SEED, FlightRecord
@@ -96,11 +96,13 @@ class FlightPanel:
         self._times.show(session)
         if job is not None:
             self._steer.options = ("Resume" if job.paused else "Pause", "Step")
-        self._numbers.content = describe(session.shown_flight, session.flight_is_stale, flying)
+        self._numbers.content = describe(
+            session.shown_flight, session.flight_is_stale, flying, old=session.flight_has_old_settings
+        )
 
 
-def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
-    """Format the numbers of a flight as HTML."""
+def describe(flight: FlightRecord | None, stale: bool, flying: bool, old: bool = False) -> str:
+    """Format the numbers of a flight as HTML; `stale` after its ends were moved, `old` after a setting was changed."""
     if flight is None or not flight.steps:
         return note("Planning…" if flying else "No flight yet. Press Fly: the robot flies by its camera alone.")
     last = flight.steps[-1]
@@ -116,8 +118,33 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
         ("Steps over time", str(sum(step.late for step in flight.steps)), "Computed longer than a step lasts"),
         ("Steps in collision", str(sum(step.touched for step in flight.steps)), "With the ground-truth mesh"),
     ]
-    outcome = sentence(flight.outcome.value) if flight.outcome is not None else ""
+    outcome = "" if flight.outcome is None else format_landing(flight)(_describe_outcome(flight))
     if not outcome and not flying:
-        outcome = "Stopped before the goal."
+        outcome = note("Stopped before the goal.")
+    mark = caution("Settings have changed: these are the numbers of the flight with the old ones.") if old else ""
     remark = warning("Start or goal have moved since this flight.") if stale else ""
-    return table(rows) + (note(outcome) if outcome else "") + remark
+    return mark + table(rows) + outcome + remark
+
+
+def has_arrived(flight: FlightRecord) -> bool:
+    """Check whether a flight ended with the true robot at the goal."""
+    return flight.outcome is EpisodeOutcome.REACHED and distance_to_goal(flight) < NavigateConfig.goal_tolerance_m
+
+
+def format_landing(flight: FlightRecord) -> Callable[[str], str]:
+    """Choose the format of how a flight ended: amber where the robot only believes to have arrived."""
+    if flight.outcome is not EpisodeOutcome.REACHED:
+        return warning
+    return fine if has_arrived(flight) else caution
+
+
+def distance_to_goal(flight: FlightRecord) -> float:
+    """Compute the distance of the true robot from the goal [m]."""
+    return (flight.steps[-1].truth.position - flight.ends.goal.state().position).norm().item()
+
+
+def _describe_outcome(flight: FlightRecord) -> str:
+    assert flight.outcome is not None, "only a flight that has ended has an outcome"
+    if flight.outcome is EpisodeOutcome.REACHED and not has_arrived(flight):
+        return f"The robot believes to be at the goal, {100 * distance_to_goal(flight):.0f} cm away."
+    return sentence(flight.outcome.value)

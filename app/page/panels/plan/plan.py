@@ -16,8 +16,9 @@ from nerfnav.field import UnknownSpace
 from nerfnav.planner import FLYABLE, PLANNERS, RISK, CostWeights, PlanOutcome
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.chart import Chart, time_shown
-from nerfnav_app.page.kit.html import LegendEntry, legend, note, table, warning
-from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH
+from nerfnav_app.page.kit.html import LegendEntry, caution, legend, note, table, warning
+from nerfnav_app.page.kit.risk import look_of_risk
+from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH, readable
 from nerfnav_app.page.kit.widgets import Binder, ChoiceList, post_on
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.more_time import MoreTimeQuery
@@ -79,6 +80,35 @@ def _compared(result: PlannerResult) -> str:
     return f"{cost['collision']:.3g} · {cost['control']:.3g} · {volume} · {result.summary['wall_s']:.3g}"
 
 
+def describe_flown(session: Session) -> str:
+    """Format the numbers of the plan in flight at the time that is shown as HTML."""
+    flight, clearance = session.shown_flight, ClearanceQuery.result_shown(session)
+    assert flight is not None and flight.steps, "only a flight that is shown has a plan in flight"
+    last = flight.steps[-1]
+    rows = [
+        ("Plan of the flight at", number(last.time, "s"), "The robot plans again in each time step"),
+        ("Time to the end", number(len(last.plan.actions) * last.plan.dt, "s")),
+    ]
+    if clearance is not None and clearance.smallest_m is not None:
+        rows.append(("Minimum clearance", number(100 * clearance.smallest_m, "cm")))
+        rows.append(("Bound of Eq. 1", percent(clearance.bound), _BOUND))
+    remark = caution(f"{OLD_SETTINGS}.") if session.flight_has_old_settings else ""
+    return remark + table(rows) + (warning(f"{OLD_GOAL}.") if holds_old_goal(session) else "")
+
+
+OLD_SETTINGS = "Flown with the old settings"
+"""Mark of the numbers of a flight after a setting was changed."""
+OLD_GOAL = "The plan leads to the old goal until you resume"
+"""Remark on a paused flight whose goal was moved."""
+_BOUND = "Upper bound of the collision probability by Eq. 1 of the paper, which counts every body point alone"
+
+
+def holds_old_goal(session: Session) -> bool:
+    """Check whether a paused flight still has the plan to the goal before."""
+    flight, job = session.flight, session.job
+    return session.in_flight and job is not None and job.paused and flight is not None and flight.leads_to_old_goal
+
+
 def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
     """Format the numbers of a plan as HTML."""
     if plan is None or plan.latest is None:
@@ -111,9 +141,11 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
     summary, rows = plan.summary, list[tuple[str, ...]]()
     if summary.get("wall_s") is not None:
         rows.append(("Computed in", number(summary["wall_s"], "s")))
+    if plan.collision_probability is not None:
+        look = look_of_risk(plan.collision_probability)
+        rows.append(("Collision risk", look.text, "Probability that a flight by this plan hits", readable(look.color)))
     if summary.get("collision_probability_bound") is not None:
-        risk, term = percent(summary["collision_probability_bound"]), "Upper bound of the collision probability (Eq. 1)"
-        rows.append(("Collision risk, at most", risk, term))
+        rows.append(("Bound of Eq. 1", percent(summary["collision_probability_bound"]), _BOUND))
     if summary.get("mesh_overlap_m3") is not None:
         overlap = number(1e6 * summary["mesh_overlap_m3"], "cm³")
         rows.append(("Overlap with the true mesh", overlap, "Largest volume that body and ground-truth mesh share"))
@@ -138,18 +170,21 @@ def _used(use: dict[str, Any]) -> str:
 
 
 def summarize_plan(plan: PlanRecord) -> str:
-    """Summarize a plan, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
+    """Summarize a plan, such as "Planned: 2.0 s, 1.2 cm clearance, collision risk 0.6 %, low"."""
     parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
     if safety.get("min_clearance_m") is not None:
         parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
-    if plan.summary.get("collision_probability_bound") is not None:
-        parts.append(f"risk at most {percent(plan.summary['collision_probability_bound'])}")
+    if plan.collision_probability is not None:
+        parts.append(f"collision risk {look_of_risk(plan.collision_probability).text}")
     return ", ".join(parts)
 
 
 def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
-    """Explain why a plan is not to be flown, and name the remedy."""
+    """Explain why a plan is not to be flown unasked, and name the remedy."""
     assert plan.outcome is not None, "only a plan that has ended is unsafe"
+    if plan.is_risky and plan.is_good and plan.collision_probability is not None:
+        risk = look_of_risk(plan.collision_probability).text
+        return f"The collision risk is {risk}: move start and goal away from obstacles, or raise the risk weight."
     if plan.outcome is PlanOutcome.OVER_LIMITS:
         seconds = MoreTimeQuery.result_for(plan, session)
         remedy = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
@@ -160,6 +195,8 @@ def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
 
 
 _LEAST_COST = 1e-3  # lower end of the logarithmic axis
+_LEAST_RISK = 0.01  # [%], of the top of its axis: a step with less is safe
+_NO_HISTORY = CostHistory()
 _TERMS = (
     LegendEntry((235, 237, 243), "total"), LegendEntry(TRUTH, "control"), LegendEntry(HIT, "collision"),
     LegendEntry(STALE, "limits"),
@@ -173,19 +210,19 @@ class PlanCharts:
         """Add the charts to the panel."""
         self._cost = Chart(server, "iteration", _TERMS, logarithmic=True)
         self._clearance = Chart(server, "time [s]", (LegendEntry(START, "clearance [cm]"),))
-        self._risk = Chart(server, "time [s]", (LegendEntry(HIT, "collision risk of a step, at most [%]"),))
+        self._risk = Chart(server, "time [s]", (LegendEntry(HIT, "bound of Eq. 1 by step [%]"),), least_top=_LEAST_RISK)
         self._history: CostHistory | None = None
 
     def show(self, session: Session) -> None:
-        """Draw the plan of the session; one that follows a drag is drawn once the drag ends."""
+        """Draw the plan, or that of the flight which is shown; one that follows a drag is drawn once the drag ends."""
         if session.held:
             return
-        history = session.plan.history if session.plan is not None else CostHistory()
+        history = _NO_HISTORY if session.plan is None or session.flight_is_shown else session.plan.history
         if history is not self._history:
             self._history = history
             self._cost.show(chart_data(history))
-        known = ClearanceQuery.result_for(session.plan, session)
-        rows = np.zeros((3, 0)) if known is None else known
+        known = ClearanceQuery.result_shown(session)
+        rows = np.zeros((3, 0)) if known is None else known.rows
         at = time_shown(session)
         self._clearance.show(rows[[0, 1]], at)
         self._risk.show(rows[[0, 2]], at)
@@ -199,6 +236,14 @@ def chart_data(history: CostHistory) -> np.ndarray:
 
 
 _UNITS = {"outside": "1/m²", "margin": "m"}
+_HINTS = {
+    "collision": "Of density × distance travelled, summed over body points and time (Eq. 2)",
+    "control": "Of the control effort u' Γ u (Eq. 2)",
+    "limits": "Of the squared excess over the robot's limits",
+    "outside": "Of the squared distance by which the body is outside of the place [m²]: the cost has no unit",
+    "samples_per_step": "Points on the path through a step at which densities are taken",
+    "margin": "Room around the body that is planned as if it were part of it",
+}
 
 
 class PlanSettingsWidgets:
@@ -212,7 +257,7 @@ class PlanSettingsWidgets:
             "Find the shortest duration", False, hint="Minimum time within the robot's limits"
         )
         self._accepted = gui.add_number(
-            "Accepted risk [%]", 100.0, step=0.1, hint="Largest accepted bound on the collision probability; 100: any"
+            "Accepted risk [%]", 100.0, step=0.1, hint="A plan whose bound of Eq. 1 is larger is refused; 100: none is"
         )
         self._free = gui.add_checkbox(
             "Unseen space is free", False, hint="Plan through space that no photograph shows; else it counts as solid"
@@ -237,7 +282,9 @@ class PlanSettingsWidgets:
                     continue  # which is `risk_weight`
                 name = capital(part.name.replace("_", " "))
                 unit = f" [{_UNITS[part.name]}]" if part.name in _UNITS else ""
-                self._weights[part.name] = widget = gui.add_number(name + unit, getattr(CostWeights(), part.name))
+                self._weights[part.name] = widget = gui.add_number(
+                    name + unit, getattr(CostWeights(), part.name), hint=_HINTS[part.name]
+                )
                 weigh(widget, part.name, type(getattr(CostWeights(), part.name)))
 
     def show(self, session: Session) -> None:
@@ -265,6 +312,10 @@ class PlanPanel:
         self._numbers = server.gui.add_html(note(_NO_PLAN))
         self._comparison = server.gui.add_html("", visible=False)
         self._charts = PlanCharts(server)
+        self._margin = server.gui.add_checkbox(
+            "Room for noise", True, hint="Draw the body's radius and two standard deviations by noise around the plan"
+        )
+        Binder(Settings.VIEW, post)(self._margin, "margin", bool)
         self._settings = PlanSettingsWidgets(server, post)
         post_on(self._compare.on_click, post, StartComparison)
 
@@ -274,7 +325,12 @@ class PlanPanel:
         self._settings.show(session)
         planning = session.job is not None and session.job.kind in (JobKind.PLAN, JobKind.COMPARE)
         self._compare.disabled = not session.may_begin
-        self._numbers.content = describe(session.plan, session.plan_is_stale, planning)
+        self._margin.value = session.view_settings.margin
+        self._numbers.content = (
+            describe_flown(session)
+            if session.flight_is_shown
+            else describe(session.plan, session.plan_is_stale, planning)
+        )
         self._comparison.visible = bool(session.comparison)
         if session.comparison:
             self._comparison.content = describe_comparison(session.comparison)

@@ -11,10 +11,18 @@ import viser
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
 from nerfnav_app.page.kit.html import LegendEntry, fine, heading, legend, note, warning
+from nerfnav_app.page.kit.risk import look_of_risk
 from nerfnav_app.page.kit.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from nerfnav_app.page.kit.widgets import post_on
+from nerfnav_app.page.panels.flight.flight import format_landing, has_arrived
 from nerfnav_app.page.panels.flight.track import summarize_track as track_ended
-from nerfnav_app.page.panels.plan.plan import explain_unsafe_plan, summarize_plan
+from nerfnav_app.page.panels.plan.plan import (
+    OLD_GOAL,
+    OLD_SETTINGS,
+    explain_unsafe_plan,
+    holds_old_goal,
+    summarize_plan,
+)
 from nerfnav_app.page.panels.status.next_step import NextButtons
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.places.sources import title_of
@@ -44,7 +52,10 @@ def status(session: Session) -> Status:
     if session.job is not None or session.place is None:
         return Status(describe_activity(session))
     if flight is not None and session.flight_is_shown and flight.outcome is not None:
-        return Status(describe_landing(flight), fine if flight.outcome is EpisodeOutcome.REACHED else warning)
+        landed = describe_landing(flight)
+        if session.flight_has_old_settings:
+            return Status(f"{OLD_SETTINGS}: {landed}")
+        return Status(landed, format_landing(flight))
     if session.track is not None and session.track.steps:
         located = session.track.steps[-1].tracked.status.knows
         return Status(f"{track_ended(session.track)}.", fine if located else warning)
@@ -85,11 +96,10 @@ def _of_plan(plan: PlanRecord, session: Session) -> Status:
         return Status("Ends or settings have changed since this plan: plan again.", warning)
     if plan.is_unsafe:
         return Status(explain_unsafe_plan(plan, session), warning)
-    return (
-        Status(summarize_plan(plan), fine)
-        if plan.is_good
-        else Status("Planning was stopped before it finished: plan again.")
-    )
+    if not plan.is_good:
+        return Status("Planning was stopped before it finished: plan again.")
+    risk = plan.collision_probability
+    return Status(summarize_plan(plan), fine if risk is None else look_of_risk(risk).html)
 
 
 def describe_landing(flight: FlightRecord) -> str:
@@ -98,8 +108,9 @@ def describe_landing(flight: FlightRecord) -> str:
     apart = (last.truth.position - flight.ends.goal.state().position).norm().item()
     far = f"{100 * apart:.0f} cm" if apart < 1 else f"{apart:.1f} m"
     hit = next((step.time for step in flight.steps if step.touched), last.time)
+    arrived = "Arrived" if has_arrived(flight) else "Believes to have arrived"
     texts = {
-        EpisodeOutcome.REACHED: f"Arrived after {last.time:.1f} s, {far} from the goal",
+        EpisodeOutcome.REACHED: f"{arrived} after {last.time:.1f} s, {far} from the goal",
         EpisodeOutcome.COLLIDED: f"Hit something at {hit:.1f} s, and ended {far} from the goal",
         EpisodeOutcome.OUTSIDE: f"Left the place at {last.time:.1f} s, {far} from the goal",
         EpisodeOutcome.DIVERGED: f"Lost at {last.time:.1f} s, {far} from the goal: fly again with less noise",
@@ -122,8 +133,10 @@ def describe_gust(flight: FlightRecord) -> str:
 
 
 def needs_confirmation(session: Session) -> bool:
-    """Check whether the user has to confirm the flight of an unsafe plan."""
-    return session.unconfirmed is not None and session.unconfirmed is session.unsafe_plan
+    """Check whether the user has to confirm the flight of a plan that is unsafe, or whose risk is high."""
+    asked, doubtful = session.unconfirmed, session.doubtful_plan
+    # a replay changes the record, not the plan
+    return asked is not None and doubtful is not None and asked.latest is doubtful.latest
 
 
 def describe_activity(session: Session) -> str:
@@ -132,7 +145,8 @@ def describe_activity(session: Session) -> str:
     if job is None:
         return "could not be opened"
     if job.paused:
-        return f"Paused after time step {max(0, session.steps_reported - 1)}"
+        remark = f". {OLD_GOAL}" if holds_old_goal(session) else ""
+        return f"Paused after time step {max(0, session.steps_reported - 1)}{remark}"
     if job.kind is JobKind.FLY and session.flight is not None and session.flight.steps:
         doing = f": {session.flight.doing}" if session.flight.doing else ""
         gust = f". {describe_gust(session.flight)}" if session.flight.gusts else ""

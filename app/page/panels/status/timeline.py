@@ -1,6 +1,6 @@
 """Timeline of a flight or a track: choose the time that the scene, the pictures and the charts show.
 
-Its marks are the events of a flight, each at its time.
+Its marks are the events of a flight, each at its time; below it they are listed.
 """
 
 from bisect import bisect
@@ -12,16 +12,25 @@ from viser._messages import GuiSliderMark
 
 from nerfnav.navigation import SupervisorState
 from nerfnav.tracking import TrackStatus
+from nerfnav_app.page.kit.html import EventEntry, events
 from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.runs import PlayBack, Scrub, TimedRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
+from nerfnav_app.text import capital
 
-_LETTER, _GAP = 0.028, 0.01
-"""Width of a letter, and space between labels, in lengths of the slider."""
-
-
+_MOST_LISTED = 12
+"""Number of events that are listed below the slider; all have marks."""
+_HELP = {
+    "hit": "the body touched the ground truth",
+    "lost": "the estimate is not trusted: the robot holds and localizes globally",
+    "blind": "the pictures show nothing that the filter can use: it predicts by the dynamics alone",
+    "braked": "no safe plan was found: the robot followed its fallback trajectory",
+    "found": "the pose is known again",
+    "gust": "the robot was pushed once",
+    "goal moved": "the goal was moved",
+}
 _LOST = (SupervisorState.WIDENED, SupervisorState.SEARCHED, SupervisorState.LOST)
 
 
@@ -50,23 +59,29 @@ def list_marks(flight: TimedRecord) -> tuple[Mark, ...]:
     return tuple(sorted(Mark(steps[index].time, label) for label, on in happened.items() for index in _beginnings(on)))
 
 
-def space_marks(marks: tuple[Mark, ...], end: float) -> tuple[Mark, ...]:
-    """Space the labels of the marks of a slider from 0 to `end` [s].
+def explain_mark(label: str) -> str:
+    """Explain the word of an event."""
+    return _HELP[label]
 
-    Of labels that overlap, that of the earlier event stays; the numbers at both ends give way to events. A mark without
-    its label stays as a tick.
+
+def label_slider(marks: tuple[Mark, ...], end: float) -> tuple[Mark, ...]:
+    """Label a slider from 0 to `end` [s]: a number at both ends, and at each event its tooltip.
+
+    page.js shows a label that is no number as a tooltip alone, so that no label lies on another.
     """
-    taken: list[tuple[float, float]] = []
-    labels = {}
-    for time, label in (*marks, Mark(0.0, "0"), Mark(end, f"{end:g}")):
-        half = 0.5 * (_LETTER * len(label) + _GAP)
-        middle = time / end if end else 0.0
-        if all(middle + half <= low or middle - half >= high for low, high in taken):
-            taken.append((middle - half, middle + half))
-            labels[time] = label
-        else:
-            labels.setdefault(time, "")
-    return tuple(Mark(time, label) for time, label in sorted(labels.items()))
+    labels: dict[float, str] = {}
+    for time, label in marks:
+        text = f"{capital(label)} at {time:.3g} s: {explain_mark(label)}"
+        labels[time] = f"{labels[time]} · {text}" if time in labels else text
+    ends = (Mark(0.0, "0"), Mark(end, f"{end:g}"))
+    return tuple(sorted((*(Mark(time, label) for time, label in labels.items()), *ends)))
+
+
+def list_events(marks: tuple[Mark, ...]) -> str:
+    """Format the events with their times as HTML, each with its explanation as a tooltip."""
+    listed = [EventEntry(f"{mark.label} {mark.time:.3g} s", explain_mark(mark.label)) for mark in marks[:_MOST_LISTED]]
+    more = len(marks) - len(listed)
+    return events([*listed, EventEntry(f"and {more} more", "Hover over their marks")] if more else listed)
 
 
 def _marks_of_track(track: TrackRecord) -> tuple[Mark, ...]:
@@ -98,6 +113,7 @@ class TimelinePanel:
         self._slider = server.gui.add_slider(
             "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Time of the flight that is shown"
         )
+        self._events = server.gui.add_html("", visible=False)
         self._play = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
         self._flight: TimedRecord | None = None
         self._times: tuple[float, ...] = (0.0,)
@@ -115,6 +131,7 @@ class TimelinePanel:
         flight, shown = session.timed, session.runs.shown(session.timed)
         visible = flight is not None and len(flight.steps) > 1
         self._slider.visible = visible
+        self._events.visible = visible and bool(self._events.content)
         self._play.visible = visible and not session.growing
         if not visible or flight is None or shown is None:
             return
@@ -136,12 +153,14 @@ class TimelinePanel:
         """Span all of the flight, with a mark at each event."""
         self._times = flight.times
         end = round(self._times[-1], 3)
-        marks = space_marks(list_marks(flight), end)
+        happened = list_marks(flight)
+        self._events.content = list_events(happened) if happened else ""
+        self._events.visible = bool(happened)
         with self._server.atomic():
             self._slider.step, self._slider.max = flight.tick, end
             self._slider.precision = max(0, len(f"{flight.tick:.6g}".partition(".")[2]))
             # viser takes marks where a slider is made, and has only an inner name for them later
-            self._slider._marks = tuple(GuiSliderMark(mark.time, mark.label or None) for mark in marks)
+            self._slider._marks = tuple(GuiSliderMark(*mark) for mark in label_slider(happened, end))
 
 
 def nearest(times: tuple[float, ...], time: float) -> int:

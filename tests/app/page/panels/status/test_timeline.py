@@ -9,7 +9,7 @@ import pytest
 from nerfnav.navigation import SupervisorState
 from nerfnav_app.page.kit.chart import with_cursor
 from nerfnav_app.page.panels.status.command_palette import entries
-from nerfnav_app.page.panels.status.timeline import list_marks, space_marks
+from nerfnav_app.page.panels.status.timeline import Mark, explain_mark, label_slider, list_events, list_marks
 from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.flight import FlightRecord
@@ -46,11 +46,17 @@ def test_a_robot_that_brakes_for_want_of_a_way_or_sees_nothing_is_not_lost(
     assert list_marks(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, word),)
 
 
-def test_words_of_marks_do_not_run_into_one_another_and_numbers_give_way() -> None:
-    assert space_marks((), 5.0) == ((0.0, "0"), (5.0, "5"))
-    assert space_marks(((0.0, "found"),), 5.0) == ((0.0, "found"), (5.0, "5")), "found is read, not overlapped by 0"
-    marks = space_marks(((0.1, "lost"), (0.4, "found"), (2.0, "hit"), (4.9, "gust")), 5.0)
-    assert marks == ((0.0, ""), (0.1, "lost"), (0.4, ""), (2.0, "hit"), (4.9, "gust"), (5.0, ""))
+def test_marks_have_numbers_at_the_ends_alone_and_events_a_tooltip_that_explains_them() -> None:
+    assert label_slider((), 5.0) == ((0.0, "0"), (5.0, "5"))
+    *_, blind, both, _ = label_slider((Mark(0.1, "blind"), Mark(0.4, "gust"), Mark(0.4, "lost")), 5.0)
+    assert blind.label == f"Blind at 0.1 s: {explain_mark('blind')}" and "filter" in explain_mark("blind")
+    assert both.label.startswith("Gust at 0.4 s") and "· Lost at 0.4 s" in both.label, "one mark for one time"
+
+
+def test_events_are_listed_with_their_times_and_many_are_counted() -> None:
+    listed = list_events((Mark(0.1, "blind"), Mark(2.0, "gust")))
+    assert "blind 0.1 s" in listed and "gust 2 s" in listed and explain_mark("blind") in listed
+    assert "and 8 more" in list_events(tuple(Mark(0.1 * index, "hit") for index in range(20)))
 
 
 def test_gusts_and_moves_of_the_goal_are_kept_with_their_flight(opened: Session) -> None:
@@ -77,3 +83,12 @@ def test_help_lists_every_key() -> None:
     for entry in entries():
         if entry.key is not None:
             assert str(_WORD_OF_KEY.get(entry.key, entry.key)) in help.split("<dl>")[1], entry.label
+
+
+def test_every_word_of_an_event_is_explained() -> None:
+    states = (*SupervisorState, None)
+    steps = tuple(replace(flight_step(ENDS, index), recovery=state) for index, state in enumerate(states))
+    touched = (*steps, replace(flight_step(ENDS, 8), touched=True, index=len(steps)))
+    words = {mark.label for mark in list_marks(FlightRecord(ENDS, touched, gusts=(1,), goals_moved=(2,)))}
+    assert {"gust", "hit", "lost", "blind", "found", "goal moved"} <= words
+    assert all(len(explain_mark(word)) > len(word) for word in words)
