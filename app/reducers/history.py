@@ -4,11 +4,13 @@ from collections.abc import Hashable
 from dataclasses import replace
 
 from nerfnav_app.places.ends import EndRole
+from nerfnav_app.reducers import jobs
 from nerfnav_app.reducers.common import move_end
 from nerfnav_app.reducers.place import make_choice
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import AllowTime, RestoreWeights
-from nerfnav_app.state.session import History, Moment, Session
+from nerfnav_app.state.session import Moment, Session
 
 _STEPS = m.MoveEnd | m.TypeEnd | m.ChooseTask | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
 
@@ -21,22 +23,30 @@ def record_step(before: Session, after: Session, action: m.Action) -> Session:
     then, history = before.moment, after.history
     if after.moment != then:
         history = history.stepped(then, _step_key(action, before.held))
+    if isinstance(action, m.Reset) and before.plan is not None:
+        history = replace(history, planned=then)
     if isinstance(action, m.MoveEnd) and not action.held:
         history = replace(history, last=None)  # the user has let go: the next move is another step
     return after if history == after.history else replace(after, history=history)
 
 
 def travel_history(session: Session, action: m.Undo | m.Redo) -> Session:
-    """Undo the last step, or redo the last undo; plans and flights stay."""
+    """Undo the last step, or redo the last undo; plans and flights stay.
+
+    Undo of a reset that discarded a plan makes it again.
+    """
     past, future = session.history.past, session.history.future
     if not (past if isinstance(action, m.Undo) else future):
         return session
     now = session.moment
     if isinstance(action, m.Undo):
-        aim, history = past[-1], History(past[:-1], (*future, now))
+        aim, history = past[-1], replace(session.history, past=past[:-1], future=(*future, now), last=None)
     else:
-        aim, history = future[-1], History((*past, now), future[:-1])
-    return replace(restore_moment(session, aim), history=history)
+        aim, history = future[-1], replace(session.history, past=(*past, now), future=future[:-1], last=None)
+    there = replace(restore_moment(session, aim), history=history)
+    if isinstance(action, m.Undo) and aim == history.planned and there.plan is None and there.may_begin:
+        return jobs.begin_job(there, JobKind.PLAN)
+    return there
 
 
 def restore_moment(session: Session, aim: Moment) -> Session:

@@ -6,7 +6,15 @@ from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.job import DownloadRequest, Job, JobKind, MapDownload, TrajectoryDownload
-from nerfnav_app.state.plan import AllowTime, DeclineFlight, PlanAction, PlanRecord, RestoreWeights
+from nerfnav_app.state.plan import (
+    AllowTime,
+    DeclineFlight,
+    EndComparison,
+    HighlightPlanner,
+    PlanAction,
+    PlanRecord,
+    RestoreWeights,
+)
 from nerfnav_app.state.runs import StartExperiment
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import RemoveTrack, StartTrack, TrackAction, TrackRecord
@@ -35,6 +43,11 @@ def command_job(session: Session, command: JobCommand) -> Session:
             return _begin_flight(session, anyway)
         case DeclineFlight():
             return replace(session, unconfirmed=None)
+        case HighlightPlanner(name):
+            return replace(session, highlighted=name)
+        case EndComparison():
+            # while planners are still compared, the next result would bring it back
+            return session if session.job is not None else replace(session, comparison=(), highlighted=None)
         case AllowTime(seconds):
             return begin_job(replace(session, plan_settings=session.plan_settings.with_duration(seconds)), JobKind.PLAN)
         case RestoreWeights():
@@ -79,7 +92,7 @@ def begin_job(
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
     fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=waits)
     if kind is JobKind.COMPARE:
-        return replace(fresh, comparison=())
+        return replace(fresh, comparison=(), highlighted=None)
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE, JobKind.TRACK):
         return fresh
     fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)

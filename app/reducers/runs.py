@@ -23,14 +23,16 @@ from nerfnav_app.state.runs import (
 )
 from nerfnav_app.state.session import Session
 
+_OFFERED = 3
+"""Flights that a refusal names at most."""
+
 
 def find_other_source(session: Session, name: str) -> str | None:
     """Find the place that has to be opened before a flight can be shown; None where it is open, or unknown."""
     entry = session.runs.entry(name)
     if entry is None or session.in_flight or session.place is None:
         return None
-    here = entry.metadata.source == session.what or entry.metadata.place == session.place.name
-    return None if here else entry.metadata.source
+    return None if session.is_place_of(entry) else entry.metadata.source
 
 
 def command_runs(session: Session, command: RunAction) -> Session:
@@ -46,6 +48,9 @@ def command_runs(session: Session, command: RunAction) -> Session:
         case CompareRun(None):
             return replace(session, runs=replace(runs, compared=None))
         case CompareRun(str(name)):
+            entry = runs.entry(name)
+            if entry is not None and not session.is_place_of(entry):
+                return _refuse_other_place(session, name, entry.metadata.place)
             return replace(session, runs=runs.wanting(name, compare=True))
         case RenameRun(name, to):
             return replace(session, runs=runs.changing(name, to))
@@ -97,21 +102,27 @@ def show_run(session: Session, stored: StoredFlight) -> Session:
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
         seeking=False, problems={}, offers={}, outside={}, plan=None, flight=stored.record, track=None, search=None,
-        results={}, runs=replace(session.runs, opened=stored, timeline=timeline),
+        comparison=(), results={}, runs=replace(session.runs, opened=stored, timeline=timeline),
     )  # fmt: skip
 
 
 def compare_run(session: Session, stored: StoredFlight) -> Session:
     """Show a stored flight beside the present one."""
-    about = stored.entry.metadata
-    # a place that was renamed since is found by its source
-    if session.place is None or (about.place != session.place.name and about.source != session.what):
-        reason = f"{stored.entry.name} was flown in {about.place}: open it first, then compare others with it."
-        return add_notice(session, "Another place", reason, bad=True)
+    if not session.is_place_of(stored.entry):
+        return _refuse_other_place(session, stored.entry.name, stored.entry.metadata.place)
     if _is_shown(session, stored):
         reason = f"{stored.entry.name} is the flight that is shown: choose another one to compare it with."
         return add_notice(session, "The same flight", reason, bad=True)
     return replace(session, runs=replace(session.runs, compared=stored))
+
+
+def _refuse_other_place(session: Session, name: str, place: str) -> Session:
+    """Say that flights of different places are not compared, and name some that can be."""
+    here = session.place.name if session.place is not None else session.what
+    others = [other.name for other in session.runs.entries if session.is_place_of(other)]
+    offer = f"choose {' or '.join(others[:_OFFERED])}" if others else f"fly in {here} first"
+    reason = f"{name} was flown in {place}, and {here} is open: {offer}."
+    return add_notice(session, "Another place", reason, bad=True)
 
 
 def _is_shown(session: Session, stored: StoredFlight) -> bool:

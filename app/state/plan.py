@@ -72,7 +72,20 @@ class RestoreWeights:
     """Plan again with the default weights."""
 
 
-PlanAction = DeclineFlight | AllowTime | RestoreWeights
+@dataclass(frozen=True)
+class HighlightPlanner:
+    """Highlight the plan of one planner of a comparison."""
+
+    name: str | None
+    """The planner; None highlights none."""
+
+
+@dataclass(frozen=True)
+class EndComparison:
+    """Take the plans of a comparison of planners away."""
+
+
+PlanAction = DeclineFlight | AllowTime | RestoreWeights | HighlightPlanner | EndComparison
 
 
 @dataclass(frozen=True)
@@ -192,7 +205,7 @@ class PlanRecord:
     """A few earlier iterations, oldest first."""
     history: CostHistory = CostHistory()
     """Cost by term."""
-    summary: dict[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict, hash=False)
     """Figures of the job, once it has finished."""
     recorded: tuple[PlanStep, ...] = ()
     """The first iterations: the replay of a plan that was computed too fast to be watched."""
@@ -274,6 +287,8 @@ class PlanState:
     """An unsafe plan that the user asked to fly: the confirmation is pending."""
     comparison: tuple[PlannerResult, ...] = ()
     """Results of the last comparison of planners, as far as it has come."""
+    highlighted: str | None = None
+    """Planner whose line is drawn stronger than the others of a comparison."""
 
     @property
     def replaying(self) -> bool:

@@ -22,6 +22,7 @@ from nerfnav_app.state.plan import PlanRecord, PlanSettings, PlanState
 from nerfnav_app.state.runs import ExperimentState, Runs, TimedRecord
 from nerfnav_app.state.tracks import TrackRecord
 from nerfnav_app.state.view import ViewSettings, ViewState
+from nerfnav_app.storage.run_metadata import StoredRun
 
 MOST_UNDO_STEPS = 100
 """Length of the undo history."""
@@ -51,12 +52,14 @@ class History:
     future: tuple[Moment, ...] = ()
     last: Hashable = None
     """What the last step has changed: a hand that moves on makes no further step."""
+    planned: Moment | None = None
+    """The moment before the last reset, where that discarded a plan: back there, it is planned again."""
 
     def stepped(self, before: Moment, what: Hashable) -> "History":
         """Add a step: `what` has changed since the moment `before`."""
         if what is not None and what == self.last and self.past:
-            return History(self.past, (), what)
-        return History((*self.past, before)[-MOST_UNDO_STEPS:], (), what)
+            return replace(self, future=())
+        return History((*self.past, before)[-MOST_UNDO_STEPS:], (), what, self.planned)
 
 
 @dataclass(frozen=True)
@@ -251,6 +254,16 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
     def run_list_stamp(self) -> tuple[int, ...]:
         """Changes whenever the list of stored runs may have changed."""
         return self.jobs_begun, int(self.job is not None), self.runs.asked
+
+    def is_place_of(self, run: StoredRun) -> bool:
+        """Check whether a stored run was flown in the open place; one that was renamed is known by its source."""
+        here = self.place is not None and run.metadata.place == self.place.name
+        return here or run.metadata.source == self.what
+
+    @property
+    def compares_planners(self) -> bool:
+        """True while planners are compared: their plans are shown in place of a flight."""
+        return bool(self.comparison) or (self.job is not None and self.job.kind is JobKind.COMPARE)
 
     def close_tab(self, client: int) -> "Session":
         """Drop what was rendered for a tab that was closed."""

@@ -51,8 +51,15 @@ class Simulator:
     """Box of the field, which ends the world of the flight; None: it has no end."""
 
     def is_outside(self, state: RigidState) -> bool:
-        """Check whether the position of a state is outside the box."""
-        return self.box is not None and not bool(self.box.contains(state.position))
+        """Check whether the body has left the box: its centre is beyond it by more than the body's radius.
+
+        Noise pushes a robot that flies along the border a little beyond it, and it comes back.
+        """
+        if self.box is None:
+            return False
+        lower, upper, position = self.box.lower, self.box.upper, state.position
+        beyond = (lower - position).clamp_min(0) + (position - upper).clamp_min(0)
+        return beyond.norm().item() > self.robot.body.radius
 
     def act(self, action: Float[Tensor, " a"], dt: float, gust: GustStrength | StateNoise | None = None) -> bool:
         """Apply an action for `dt` [s], and a gust; return whether the body touched anything."""

@@ -112,13 +112,17 @@ def _arrays_of(state: RigidState) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     position, velocity, rotation, rate = (part.detach().double().contiguous().numpy() for part in parts)
     return position, velocity, rotation, rate
 
+_ACCELERATION = 4.0
+"""Acceleration that durations count on [m/s^2]."""
+
+
 
 class Quadrotor(Robot):
     """A flying body with four numbers to choose: thrust [N] and torque [N m]."""
 
     action_names = ("thrust_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
     minimum_steps = 4
-    acceleration = 4.0
+    acceleration = _ACCELERATION
 
     def __init__(self, config: QuadrotorConfig | None = None) -> None:
         """A quadrotor with the given constants (default: those of QuadrotorConfig)."""
@@ -136,7 +140,7 @@ class Quadrotor(Robot):
         [m/s^2]."""
         config = self.config
         upward, downward = config.max_thrust / config.mass - config.gravity, (1 - config.thrust_floor) * config.gravity
-        return min(self.acceleration, upward, downward, config.gravity * math.tan(config.max_tilt))
+        return min(_ACCELERATION, upward, downward, config.gravity * math.tan(config.max_tilt))
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 4"], dt: float) -> RigidState:
         """Compute the state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""

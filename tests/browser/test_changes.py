@@ -36,9 +36,9 @@ def test_a_drag_is_undone_by_key_and_button_and_done_again(serve: Serve, open_ta
     tab.key("Control+y")
     tab.until(lambda: app.session.ends.goal == moved, "the key has not done it again")
     tab.until_ends_agree()
-    tab.press("status.back", "Undo")
+    tab.press("status.undo")
     tab.until(lambda: app.session.ends.goal == before, "the button has not undone it")
-    tab.press("status.back", "Redo")
+    tab.press("status.redo")
     tab.until(lambda: app.session.ends.goal == moved, "the button has not done it again")
 
 
@@ -50,7 +50,7 @@ def test_a_typed_setting_is_undone_in_its_widget(serve: Serve, open_tab: OpenTab
     before = app.session.plan_settings
     box.fill("3.5")
     tab.until(lambda: app.session.plan_settings.duration_s == 3.5, "the duration was not taken")
-    tab.press("status.back", "Undo")
+    tab.press("status.undo")
     tab.until(lambda: app.session.plan_settings == before, "it was not undone")
     tab.until(lambda: float(box.input_value().split()[0]) == before.duration_s, "the widget shows what was undone")
 

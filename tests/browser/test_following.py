@@ -179,7 +179,8 @@ def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weigh
     tab.key("f")
     tab.press("status.anyway")
     tab.until(lambda: app.session.flight is not None, "it does not fly")
-    tab.press("status.back", "Reset")
+    tab.press("status.reset")
+    tab.page.get_by_role("button", name="Reset all", exact=True).click()
     tab.until(lambda: app.session.plan is None and app.session.job is None, "nothing was reset")
     assert app.session.plan_settings.weights.collision == 1.0
     tab.until(lambda: not tab.is_visible("/plan/line"), "the plan stays")

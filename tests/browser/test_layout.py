@@ -80,6 +80,31 @@ def test_no_panel_covers_start_goal_or_plan(tab: Tab, size: tuple[int, int]) -> 
     assert not wrong, wrong
 
 
+def test_the_panel_is_as_wide_after_a_visit_to_the_width_of_a_phone(tab: Tab) -> None:
+    tab.turn_to("Runs")
+    wide = "() => document.querySelector('[data-dock-region]')?.getBoundingClientRect().width"
+    before = tab.page.evaluate(wide)
+    for width in (420, 640, 1280):
+        tab.page.set_viewport_size({"width": width, "height": 720})
+        tab.until(lambda width=width: (tab.page.evaluate(wide) is None) == (width == 420), "the panel is not there")
+    tab.settled(lambda: tab.page.evaluate(wide))
+    assert tab.page.evaluate(wide) == before
+    last, region = tab.page.get_by_role("tab", name="Export", exact=True), tab.page.locator("[data-dock-region]")
+    end, border = last.bounding_box(), region.bounding_box()
+    assert end is not None and border is not None
+    assert end["x"] + end["width"] <= border["x"] + border["width"], "the last tab is cut off"
+
+
+def test_a_folded_section_is_a_line_without_a_frame(tab: Tab) -> None:
+    tab.turn_to("Scene")
+    folder = tab.page.locator(".mantine-Paper-root:has(> .mantine-Paper-root)", has_text="Place library").last
+    frame = "e => [e.getBoundingClientRect().height, getComputedStyle(e).borderTopColor]"
+    height, color = folder.evaluate(frame)
+    assert height < 40 and color == "rgba(0, 0, 0, 0)"
+    tab.unfold("place_library.list")
+    tab.until(lambda: folder.evaluate(frame)[1] != "rgba(0, 0, 0, 0)", "what is open has no frame")
+
+
 def test_the_pictures_fold_away_and_open_large(tab: Tab) -> None:
     strip = tab.page.locator("img[src^=blob]").first
     tab.until(strip.is_visible, "there are no pictures")

@@ -75,6 +75,39 @@ def test_the_palette_shows_commands_with_their_shortcuts_and_does_what_the_butto
     tab.until_idle()
 
 
+def test_the_palette_opens_a_file_turns_to_the_exports_and_writes_keys_as_words(
+    serve: Serve, open_tab: OpenTab
+) -> None:
+    tab = open_tab(serve(work()))
+    tab.turn_to("Plan")
+    open_palette(tab)
+    keys = tab.page.locator(".mantine-Spotlight-actionDescription")
+    tab.until(lambda: {"Page Up", "Page Down", "Space"} <= set(keys.all_text_contents()), "keys are no words")
+    tab.page.keyboard.press("Escape")
+    is_closed(tab)
+    chosen = tab.page.locator("[role=tab][aria-selected=true]")
+    with tab.page.expect_file_chooser():
+        command(tab, "Open a file")
+    tab.until(lambda: (chosen.text_content() or "").endswith("Scene"), "the tab is not turned to")
+    command(tab, "Export")
+    tab.until(lambda: (chosen.text_content() or "").endswith("Export"), "the exports are not shown")
+    with tab.page.expect_download():
+        command(tab, "Screenshot")
+
+
+def test_a_reset_asks_first(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(work())
+    tab = open_tab(app)
+    tab.key("p")
+    tab.until(lambda: app.session.fresh_plan is not None, "no plan was made")
+    for answer, plan_stays in (("Keep all", True), ("Reset all", False)):
+        tab.key("Shift+r")
+        button = tab.page.get_by_role("button", name=answer, exact=True)
+        button.click()
+        button.wait_for(state="hidden")
+        tab.until(lambda plan_stays=plan_stays: (app.session.plan is not None) == plan_stays, "the answer is not heard")
+
+
 def test_shortcuts_fly_hold_and_stop_and_are_letters_where_text_is_typed(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(work())
     tab = open_tab(app)

@@ -83,7 +83,7 @@ def test_a_robot_becomes_one_of_another_kind(tab: Tab, tmp_path: Path) -> None:
     tab.until_shown()
     tab.choose("robot.kind", KINDS["couch"])
     needs("mass", "speed", "yaw_rate", "force")
-    typed(tab, "Max. force [N]", "6")
+    typed(tab, "Maximum force [N]", "6")
     tab.until_shown()
     tab.choose("robot.kind", KINDS["handheld"])
     needs()
@@ -129,7 +129,7 @@ def test_a_kind_that_a_robot_cannot_be_is_refused_in_one_sentence(tab: Tab) -> N
 @pytest.mark.parametrize(
     ("label", "bad", "good", "said"),
     [
-        ("Max. thrust [N]", "1", "7", "A thrust of 1 N does not lift 0.25 kg"),
+        ("Maximum thrust [N]", "1", "7", "A thrust of 1 N does not lift 0.25 kg"),
         ("Inertia about z [g m²]", "0.5", "0.3", "none exceeds the sum of the two others"),
         ("Inertia about x [g m²]", "-0.1", "0.3", "inertia is a number above 0, not -0.0001"),
     ],

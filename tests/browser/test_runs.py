@@ -69,9 +69,7 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
     tab.until(lambda: len(tab.line("/flight/truth")) == len(flight.steps), "its path is not drawn to its end")
 
 
-def test_flights_are_compared_renamed_and_deleted_in_the_page(
-    serve: Serve, open_tab: OpenTab, tmp_path: Path
-) -> None:
+def test_flights_are_compared_renamed_and_deleted_in_the_page(serve: Serve, open_tab: OpenTab, tmp_path: Path) -> None:
     shelf = RunStore(tmp_path)
     put(shelf, "second", date="2026-01-02T00:00:00+00:00")
     put(shelf, "first", flown()[:9], date="2026-01-01T00:00:00+00:00")
@@ -105,6 +103,35 @@ def test_flights_are_compared_renamed_and_deleted_in_the_page(
         button.wait_for(state="hidden")
         until_listed(tab, left)
     assert [entry.name for entry in shelf.entries()] == ["second"]
+
+
+def test_the_table_of_flights_is_sorted_filtered_and_picked_by_clicks_and_downloaded(
+    serve: Serve, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    shelf = RunStore(tmp_path)
+    put(shelf, "old", date="2026-01-01T00:00:00+00:00")
+    put(shelf, "far", place="pyramids", date="2026-01-02T00:00:00+00:00")
+    put(shelf, "new", flown()[:9], date="2026-01-03T00:00:00+00:00")
+    tab = open_tab(serve(ScriptedWork(runs=shelf)))
+    until_listed(tab, ["new", "far", "old"])
+    tab.turn_to("Runs")
+    rows = tab.page.locator(".nerfnav-table tbody tr")
+    order = lambda: rows.evaluate_all("rows => rows.map(row => row.dataset.value)")  # noqa: E731
+    tab.until(lambda: order() == ["new", "far", "old"], "the newest is not the first")
+    assert tab.box("runs.list").input_value() == "new"
+    head = tab.page.locator("th [data-value='sort:steps']")
+    head.click()
+    tab.until(lambda: tab.box("runs.sort").input_value() == "steps", "a click on a head does not sort")
+    head.click()
+    tab.until(lambda: order()[-1] == "new", "a second click does not reverse")
+    rows.filter(has_text="pyramids").click()
+    tab.until(lambda: tab.box("runs.list").input_value() == "far", "a click on a row does not select")
+    tab.press("runs.actions", "Compare")
+    tab.until(lambda: tab.says("far was flown in pyramids, and balls is open: choose new or old."), "it is not refused")
+    tab.press("runs.same")
+    tab.until(lambda: sorted(order()) == ["new", "old"], "flights of other places stay in the list")
+    names = [line.split(",")[0] for line in tab.download("runs.csv").read_text().splitlines()]
+    assert sorted(names) == ["name", "new", "old"]
 
 
 def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(

@@ -40,9 +40,9 @@ MOST_OF_PLACES_MB = 150.0
 LEAST_ACTIONS = 20
 """Fewer are no hard use: a slow machine takes longer for them."""
 _WINDOW_S = 300.0
-_KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x", "Shift+r")
+_KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x")
 _LEFT_OUT = (
-    *("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save"),  # which ask for files, or touch what is kept
+    *("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save", "Reset"),  # which ask, or touch what is kept
     *(f"Open {place}" for place in scenes.names()),  # what is kept of one more place is no leak, but looks like one
 )
 _BEGINS = re.compile(r"Plan trajectory|Fly|Fly anyway|Allow [\d.]+ s|Restore the weights")

@@ -119,7 +119,7 @@ def test_an_occupied_end_is_offered_the_nearest_free_place(serve: Serve, open_ta
 def test_planners_are_drawn_side_by_side(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    tab.press("plan.compare")
+    tab.press("plan.comparison.compare")
     tab.until(lambda: len(app.session.comparison) >= 2, "no planner has ended", 300)
     tab.press("status.next.cancel")
     tab.until_idle("the comparison goes on")

@@ -66,9 +66,11 @@ def test_contact_is_reported_and_the_robot_flies_on():
     assert world.state.position[2] > START.position[2]
 
 
-def test_a_position_is_outside_beyond_the_box_and_nowhere_without_one():
-    world, there = simulator(box=Box.of((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))), RigidState.at_rest((0.0, 0.0, 1.2))
-    assert world.is_outside(there) and not world.is_outside(START) and not simulator().is_outside(there)
+def test_a_body_is_outside_once_it_has_left_the_box_and_nowhere_without_one():
+    world, radius = simulator(box=Box.of((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))), simulator().robot.body.radius
+    there, leaving = (RigidState.at_rest((0.0, 0.0, 1.0 + share * radius)) for share in (1.1, 0.9))
+    assert world.is_outside(there) and not world.is_outside(leaving) and not world.is_outside(START)
+    assert not simulator().is_outside(there)
 
 
 def test_nothing_is_touched_without_ground_truth():

@@ -87,7 +87,7 @@ def warm_up(place: Place) -> Iterator[Progress]:
 
     The caller may leave it at any step.
     """
-    doing = Progress("getting ready", 0.6)
+    doing = Progress("compiling in the background: plan and fly already work", 0.6)
     yield doing
     if place.truth is not None:
         place.truth.load()

@@ -24,6 +24,7 @@ CANDIDATE: Rgb = (205, 180, 255)
 HIT: Rgb = (228, 68, 60)
 CAUTION: Rgb = (245, 170, 40)
 """Of texts alone: what is neither good nor bad."""
+GUST: Rgb = (255, 255, 240)
 OTHER_TRUTH: Rgb = (196, 236, 255)
 OTHER_PLAN: Rgb = (255, 246, 180)
 CLEARANCE_CM = (0.0, 20.0)
@@ -37,8 +38,6 @@ _NIGHT_BOTTOM: Rgb = (13, 15, 21)
 _SKY: Rgb = (226, 232, 245)
 _GROUND: Rgb = (120, 118, 112)
 _SKYLIGHT = 2.0  # beside the lamp of viser, which has 3
-
-_PANEL_WIDTH = 340.0  # [pixels]
 
 
 def linear(color: Rgb | np.ndarray) -> np.ndarray:
@@ -64,12 +63,13 @@ def readable(color: Rgb) -> str:
 
 
 def branded(page: bytes) -> bytes:
-    """Brand viser's page: the app's name, icon, style, help and scripts (page.*, software_gl.js)."""
+    """Brand viser's page: the app's name, icon, style, help and scripts (page.*, picks.js, software_gl.js)."""
     page = page.replace(b"<title>Viser</title>", b"<title>nerfnav</title>", 1)
     icon = b'<link rel="icon" href="' + _data_url("favicon.svg").encode() + b'" />'
     page = re.sub(rb'<link\s+rel="icon"[^>]*?/?>', lambda _: icon, page, count=1)
     style, body, script = (_beside(f"page.{ending}") for ending in ("css", "html", "js"))
-    scripts = b"".join(b"<script>" + each + b"</script>" for each in (_beside("software_gl.js"), script))
+    parts = (_beside("software_gl.js"), script, _beside("picks.js"))
+    scripts = b"".join(b"<script>" + each + b"</script>" for each in parts)
     own = b"<style>" + style + b"</style>" + body + scripts
     before, end, after = page.rpartition(b"</body>")
     return before + own + end + after
@@ -88,8 +88,8 @@ def _data_url(image: str) -> str:
 def apply_theme(server: viser.ViserServer) -> None:
     """Give the page its theme, title bar and backdrop."""
     apply_brightness(server, light=False)
+    # viser's own width: another one is lost where a window was once as narrow as a phone
     server.gui.main_panel.dock_right()
-    server.gui.main_panel.set_width(_PANEL_WIDTH)
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
     # not by a picture of the surroundings, which a browser without a graphics card needs seconds to prepare
     server.scene.configure_environment_map(hdri=None)

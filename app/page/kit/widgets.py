@@ -1,7 +1,7 @@
 """Widgets that several panels use: posts of commands, a binder, a choice list, a dialog.
 
 A binder turns a widget's value into a command that changes one number of the settings. A choice list selects a robot,
-a planner or an estimator. The dialog confirms a deletion.
+a planner or an estimator, by the name that it has everywhere. The dialogs confirm a deletion and a reset.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,7 +13,7 @@ import viser
 
 from nerfnav import robots
 from nerfnav_app.page.kit.html import note
-from nerfnav_app.state.actions import Adjust, Choose, Command, Settings
+from nerfnav_app.state.actions import Adjust, Choose, Command, Reset, Settings
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import capital
 
@@ -48,17 +48,6 @@ class Binder:
         post_on(widget.on_update, self._post, lambda: Adjust(self._settings, name, read(widget.value)))
 
 
-_LABELS = {
-    "planner": {
-        "paper": "paper (slow)",
-        "minsnap": "minsnap (minimum snap)",
-        "rrt": "rrt (random tree)",
-    },
-    "estimator": {"paper": "paper (slow)"},
-}
-"""Labels of names; other names are their own labels."""
-
-
 def format_name(name: str) -> str:
     """Format the name of a robot: of a file its stem alone."""
     return Path(name).stem if robots.is_file(name) else name
@@ -73,8 +62,7 @@ class ChoiceList:
         """Add the dropdown of the field `field`, whose values are `names`; `post` takes the commands."""
         self._field = field
         self._session: Session | None = None
-        labels = _LABELS.get(field, {})
-        self._names = {labels.get(name) or format_name(name): name for name in names}
+        self._names = {format_name(name): name for name in names}
         self._labels = {name: label for label, name in self._names.items()}
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             capital(field), list[str](self._names), hint=hint
@@ -102,11 +90,24 @@ def confirm_deletion(client: viser.ClientHandle, what: str, warning: str, really
 
     `really` is called on a thread of the server's pool.
     """
-    modal = client.gui.add_modal(f"Delete {what}?")
+    _confirm(client, f"Delete {what}?", warning, ("Delete for good", "Keep it"), really)
+
+
+def confirm_reset(client: viser.ClientHandle, post: Callable[[Command], None]) -> None:
+    """Ask for a confirmation in the tab that resets, and post the reset."""
+    warning = "Ends and all settings return to those at opening. Undo brings them back, and plans again."
+    _confirm(client, "Reset everything?", warning, ("Reset all", "Keep all"), lambda: post(Reset()))
+
+
+def _confirm(
+    client: viser.ClientHandle, question: str, warning: str, answers: tuple[str, str], really: Callable[[], None]
+) -> None:
+    """Ask a question in a dialogue of a tab; the first of the `answers` calls `really`."""
+    modal = client.gui.add_modal(question)
     with modal:
         client.gui.add_html(note(warning))
-        yes = client.gui.add_button("Delete for good", color="red", icon=viser.Icon.TRASH)
-        no = client.gui.add_button("Keep it", color="gray")
+        yes = client.gui.add_button(answers[0], color="red")
+        no = client.gui.add_button(answers[1], color="gray")
 
     @yes.on_click
     def _(_: viser.GuiEvent) -> None:

@@ -23,7 +23,7 @@ class ComparisonLayer:
 
     def show(self, session: Session) -> None:
         """Draw the second flight as far as the first one is shown."""
-        compared = session.runs.compared
+        compared = None if session.compares_planners else session.runs.compared
         steps = steps_until(compared, session.shown_flight)
         shown = compared, len(steps)
         if shown == self._shown:

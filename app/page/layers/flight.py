@@ -6,7 +6,7 @@ import viser
 from nerfnav.estimator import Belief
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
-from nerfnav_app.page.kit.theme import BELIEF, HIT, PLAN, TRUTH
+from nerfnav_app.page.kit.theme import BELIEF, GUST, HIT, PLAN, TRUTH
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions
 from nerfnav_app.page.layers.shapes import ball, cone, ellipsoids
 from nerfnav_app.state.flight import FlightRecord
@@ -36,7 +36,7 @@ class FlightLayer:
         self._means = Bodies(server, "/flight/means", BELIEF, None, unit)
         self._nose = Fan(server, "/flight/attitude", BELIEF, 0.004)
         self._hits = Bodies(server, "/flight/hits", HIT, 0.9, unit)
-        self._gusts = Fan(server, "/flight/gusts", HIT, 0.008)
+        self._gusts = Fan(server, "/flight/gusts", GUST, 0.008)
         self._robot = Bodies(server, "/flight/robot", TRUTH, opacity=None)
         self._ghost = Bodies(server, "/flight/ghost", BELIEF, opacity=0.5)
         self._shown: tuple[FlightRecord | None, ViewSettings] | None = None
@@ -44,6 +44,8 @@ class FlightLayer:
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
         flight, view = session.shown_flight, session.view_settings.of_flights()
+        if session.compares_planners:  # whose lines are the only ones meanwhile
+            flight = None
         if self._shown is not None and self._shown[0] is flight and self._shown[1] == view:
             return
         self._shown = flight, view
@@ -81,7 +83,7 @@ class FlightLayer:
 
         In the robot's own view, which is within these marks, the path alone.
         """
-        self._belief.show(_centers([step.belief.mean for step in () if flight is None else flight.steps]))
+        self._belief.show(_centers([step.belief.mean for step in (() if flight is None else flight.steps)]))
         flight, scale = None if view.camera is CameraMode.ROBOT else flight, view.ellipsoid
         steps = () if flight is None else flight.steps
         believed = _centers([step.belief.mean for step in steps])

@@ -61,6 +61,11 @@ class Line:
         for fan in self._fans:
             fan.show(lines, color)
 
+    def thicken(self, thickness: float) -> None:
+        """Draw it with another thickness [m] from now on."""
+        for fan in self._fans:
+            fan.thicken(thickness)
+
 
 class Fan:
     """Separate line segments, in one colour or each in its own."""
@@ -79,6 +84,10 @@ class Fan:
             elif color is not None:
                 self._node.colors = np.array(color, dtype=np.uint8)
         self._node.visible = lines is not None and len(lines) > 0
+
+    def thicken(self, thickness: float) -> None:
+        """Draw them with another thickness [m] from now on."""
+        self._node.thickness = thickness
 
 
 class Trail:

@@ -18,6 +18,8 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMode, ViewSettings
 
 _THICKNESS = 0.017  # [m]
+_COMPARED = 0.008  # thickness of the lines of compared planners [m]
+_STRONG, _FAINT = 2.5, 0.4  # of the highlighted one, and of the others meanwhile
 
 
 class PlanLayer:
@@ -31,8 +33,10 @@ class PlanLayer:
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", PLAN, opacity=0.35)
         self._margin = Tube(server, "/plan/margin", PLAN, opacity=0.12)
-        self._comparison = {name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()}
-        self._compared: tuple[PlannerResult, ...] = ()
+        self._comparison = {
+            name: Line(server, f"/plan/{name}", entry.color, _COMPARED) for name, entry in PLANNERS.items()
+        }
+        self._compared: tuple[tuple[PlannerResult, ...], str | None] = (), None
         self._floor = 0.0
         self._plan: PlanRecord | None = None
         self._clearance: Clearance | None = None
@@ -40,7 +44,7 @@ class PlanLayer:
 
     def show(self, session: Session) -> None:
         """Draw the plan as `choose_plan_style` says."""
-        self._compare(session.comparison)
+        self._compare(session.comparison, session.highlighted)
         plan, style, view = session.plan, choose_plan_style(session), session.view_settings
         busy = session.job is not None or session.held
         clearance = None if session.flight_is_shown else ClearanceQuery.result_shown(session)
@@ -93,15 +97,16 @@ class PlanLayer:
             centers = positions(plan.latest.motion.states)
             self._margin.show(tube(centers, robot.body.radius, deviations))
 
-    def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
-        """Draw the plans of a comparison of planners."""
-        if comparison is self._compared:
+    def _compare(self, comparison: tuple[PlannerResult, ...], highlighted: str | None) -> None:
+        """Draw the plans of a comparison of planners, the highlighted one stronger, the others fainter."""
+        if comparison is self._compared[0] and highlighted == self._compared[1]:
             return
-        self._compared = comparison
+        self._compared = comparison, highlighted
         results = {result.planner: result for result in comparison}
         for name, line in self._comparison.items():
             motion, outcome = _found(results.get(name))
             points = None if motion is None or outcome in NO_TRAJECTORY else positions(motion.states)
+            line.thicken(_COMPARED * (1 if highlighted is None else _STRONG if name == highlighted else _FAINT))
             line.show(points, dashed=outcome is not None and outcome not in FLYABLE)
 
 

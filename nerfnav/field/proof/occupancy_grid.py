@@ -106,7 +106,7 @@ def describe_unproven(field: Field) -> str:
     """Describe for the user what is not proven, and what would help; empty where nearly everything is."""
     unproven = unproven_shares(field)
     if not isinstance(field, GridField) or unproven is None:
-        return "Nothing proves what is free here: plans trust the field alone."
+        return "Free space is not proven here: plans trust the field alone."
     share = float(unproven.mean())
     if share < _WORTH_REPORTING:
         return ""

@@ -11,6 +11,7 @@ from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.actions import Redo, Undo
 from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import AllowTime
 from nerfnav_app.state.session import MOST_UNDO_STEPS, Session
 from tests.app.sessions import after
@@ -78,6 +79,18 @@ def test_undo_makes_the_plan_stale_and_reset_and_more_time_are_undone_too(opened
     reset = after(moved, m.Reset())
     assert reset.ends == opened.ends
     assert after(reset, Undo()).ends == moved.ends
+
+
+def test_undo_after_a_reset_brings_seed_and_speed_back_and_plans_again(opened: Session) -> None:
+    changes = (m.Adjust(m.Settings.FLIGHT, "seed", 7), m.Adjust(m.Settings.FLIGHT, "pace", 0.5))
+    wanted = well_planned(after(dragged(opened, THERE), *changes))
+    reset = after(wanted, m.Reset())
+    assert reset.plan is None and reset.flight_settings.seed == 0 and reset.flight_settings.pace != 0.5
+    back = after(reset, Undo())
+    assert (back.ends, back.flight_settings) == (wanted.ends, wanted.flight_settings)
+    assert back.job is not None and back.job.kind is JobKind.PLAN
+    unplanned = after(dragged(opened, THERE), m.Reset(), Undo())
+    assert unplanned.job is None, "there was no plan to bring back"
 
 
 def test_another_robot_is_undone_with_its_ends(opened: Session) -> None:

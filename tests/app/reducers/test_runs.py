@@ -165,7 +165,9 @@ def test_a_second_flight_is_compared_until_that_is_ended(session: Session, store
     assert reduce(both, CompareRun(None)).runs.compared is None
     put(store, "far away", place="pyramids")
     refused = served(both, store, ListRuns(), CompareRun("far away"))
-    assert refused.runs.compared is both.runs.compared and "pyramids" in refused.notices[-1].body
+    assert refused.runs.compared is both.runs.compared
+    told = "far away was flown in pyramids, and balls is open: choose second or first."
+    assert refused.notices[-1].body == told and not refused.runs.wanted
 
 
 def test_renaming_and_deleting_reach_the_store_and_what_is_shown(session: Session, store: RunStore) -> None:

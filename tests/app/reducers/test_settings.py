@@ -1,6 +1,7 @@
 """Plans otherwise, and planners side by side."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from nerfnav.planner.solvers.fast import FastPlanConfig
 from nerfnav_app.jobs.events import JobFinished, PlannerCompared, PlannerResult
 from nerfnav_app.jobs.plan import compare_planners as compare
 from nerfnav_app.jobs.plan.plan import PlanRequest
-from nerfnav_app.page.panels.plan.plan import chart_data, describe, describe_comparison
+from nerfnav_app.page.panels.plan.plan import chart_data, describe
+from nerfnav_app.page.panels.plan.planner_comparison import describe_comparison
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.clearance import Clearance, ClearanceQuery, ShownMotion
@@ -19,10 +21,10 @@ from nerfnav_app.queries.query import Resources
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.plan import CostHistory, PlanSettings
+from nerfnav_app.state.plan import CostHistory, EndComparison, HighlightPlanner, PlanSettings
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend
-from tests.app.doubles import balls_place
+from tests.app.doubles import balls_place, plan_step
 from tests.app.following import followed, result_of
 from tests.app.sessions import after, planned, reports
 
@@ -91,6 +93,31 @@ def test_rivals_are_collected_and_forgotten_when_a_new_plan_begins(opened: Sessi
     assert [result.planner for result in session.comparison] == ["rrt"] and session.job is None
     assert session.plan is not None, "the plan that is flown stays"
     assert after(session, m.StartPlan()).comparison == ()
+
+
+def test_the_comparison_is_a_table_with_units_whose_rows_can_be_picked() -> None:
+    cost = {"collision": 0.0014, "control": 5.48}
+    found = PlannerResult("fast", plan_step(Ends(), 0).motion, {
+        "cost": cost, "mesh_overlap_m3": None, "duration_s": 0.9, "wall_s": 0.5, "outcome": "too_risky",
+    })  # fmt: skip
+    html = describe_comparison((found, PlannerResult("rrt", None, {}, "no way")), "fast", "some-widget")
+    heads = re.findall(r"<th.*?>(.*?)</th>", html)
+    assert [re.sub("<[^>]*>", " ", head).split()[0] for head in heads[:6]] == [
+        "Planner", "Collision", "Control", "Overlap", "Flight", "Solve",
+    ]  # fmt: skip
+    assert html.count("[J]") == 2 and "[cm³]" in html and html.count("[s]") == 2
+    assert 'data-pick="some-widget" data-value="fast"' in html and 'class="picked"' in html
+    assert "too risky" in html and "no way" in html
+
+
+def test_compared_planners_hide_the_flight_until_they_are_taken_away(opened: Session) -> None:
+    session = after(planned(opened), m.StartComparison())
+    assert session.compares_planners
+    session = reports(session, PlannerCompared(PlannerResult("rrt", None, {}, "no way")), JobFinished("compare"))
+    chosen = after(session, HighlightPlanner("rrt"))
+    assert chosen.compares_planners and chosen.highlighted == "rrt"
+    ended = after(chosen, EndComparison())
+    assert not ended.compares_planners and ended.highlighted is None and ended.plan is session.plan
 
 
 def test_the_page_asks_once_how_near_a_finished_plan_comes(opened: Session) -> None:

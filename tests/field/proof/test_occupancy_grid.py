@@ -56,5 +56,5 @@ def test_a_place_that_is_known_says_nothing():
 
 
 def test_a_place_without_proofs_says_so():
-    assert "Nothing proves" in describe_unproven(replace(place(*3 * [Occupancy.FREE]), evidence=None))
-    assert "Nothing proves" in describe_unproven(ball())
+    assert "not proven" in describe_unproven(replace(place(*3 * [Occupancy.FREE]), evidence=None))
+    assert "not proven" in describe_unproven(ball())

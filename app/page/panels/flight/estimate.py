@@ -36,7 +36,7 @@ def describe(flight: FlightRecord | None) -> str:
             "Of the estimated attitude",
         ),
         (
-            "Error / std. dev. (1 is consistent)",
+            "Error / std. dev. (1 expected)",
             f"{max(nees / 6, 0.0) ** 0.5:.2g}",
             f"Root of NEES / 6; NEES of the pose: {nees:.3g}",
         ),
@@ -111,7 +111,13 @@ class EstimatePanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """Add the widgets; `post` takes the commands."""
-        self._estimator = ChoiceList(server, "estimator", estimators.names(), "Filter that estimates the pose", post)
+        self._estimator = ChoiceList(
+            server,
+            "estimator",
+            estimators.names(),
+            "Filter that estimates the pose; paper: as in the paper, slow",
+            post,
+        )
         self._ellipsoid = server.gui.add_slider("Ellipsoid scale", 1.0, 10.0, 0.5, 1.0, hint="1 draws the 95 % regions")
         Binder(Settings.VIEW, post)(self._ellipsoid, "ellipsoid", float)
         self._find = server.gui.add_button(

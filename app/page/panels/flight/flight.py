@@ -36,16 +36,18 @@ class FlightSettingsWidgets:
                 "World", list[str](_WORLDS), hint="Wind and motors: a quadrotor of 250 g in 2 m/s of wind"
             )
             self._realtime = server.gui.add_checkbox(
-                "Computing takes time", False, hint="The world goes on while filter and planner compute"
+                "Real time (late steps)",
+                False,
+                hint="The world goes on while filter and planner compute: a step can be late",
             )
             self._seed = server.gui.add_number(
                 "Seed", 0, min=0, max=LARGEST_SEED, step=1, hint="Of the noise and the initial belief"
             )
             self._position = server.gui.add_slider(
-                "Position noise [cm]", 0.0, 10.0, 0.5, 2.0, hint="Standard deviation per time step, along each axis"
+                "Position noise per step [cm]", 0.0, 10.0, 0.5, 2.0, hint="Standard deviation along each axis"
             )
             self._attitude = server.gui.add_slider(
-                "Attitude noise [°]", 0.0, 10.0, 0.1, 1.1, hint="Standard deviation per time step, about each axis"
+                "Attitude noise per step [°]", 0.0, 10.0, 0.1, 1.1, hint="Standard deviation about each axis"
             )
             self._open_loop = server.gui.add_checkbox(
                 "Open loop", False, hint="Fly the first plan without filter and replanning"
@@ -115,7 +117,7 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool, old: bool =
         ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
         ("Filter", number(last.filter_ms, "ms")),
         ("Replanning", number(last.replan_ms, "ms")),
-        ("Steps over time", str(sum(step.late for step in flight.steps)), "Computed longer than a step lasts"),
+        ("Late steps", str(sum(step.late for step in flight.steps)), "Computed longer than a step lasts"),
         ("Steps in collision", str(sum(step.touched for step in flight.steps)), "With the ground-truth mesh"),
     ]
     outcome = "" if flight.outcome is None else format_landing(flight)(_describe_outcome(flight))

@@ -30,6 +30,8 @@ class PlaceLibraryPanel:
         self._session: Session | None = None
         self._entries: dict[str, KeptPlace] = {}
         self._pictured: KeptPlace | None = None
+        self._opened = ""
+        self._sought = False
         gui = server.gui
         with gui.add_folder("Place library", expand_by_default=False):
             self._list: viser.GuiDropdownHandle[str] = gui.add_dropdown(
@@ -59,6 +61,7 @@ class PlaceLibraryPanel:
 
     async def _choose(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
+            self._sought = False
             self._describe()
 
     def _act(self, label: str, entry: KeptPlace, client: viser.ClientHandle) -> None:
@@ -103,7 +106,16 @@ class PlaceLibraryPanel:
             # the selected place stays selected under its new name
             kept = (entry.name for entry in listed if before is not None and entry.key == before.key)
             self._list.value = next(kept, names[0])
+        self._select_opened(session.what)
         self._describe()
+
+    def _select_opened(self, what: str) -> None:
+        """Select the place that has been opened, once it is listed, until the user selects another one."""
+        if what != self._opened:
+            self._opened, self._sought = what, True
+        here = next((entry.name for entry in self._entries.values() if entry.what == what), None)
+        if self._sought and here is not None:
+            self._list.value, self._sought = here, False
 
     def _describe(self) -> None:
         entry = self._chosen
@@ -119,7 +131,8 @@ class PlaceLibraryPanel:
         self._pictured = entry
         picture = None if entry is None else cv2.imread(str(entry.picture_file))
         self._picture.visible = picture is not None
-        if picture is not None:
+        if entry is not None and picture is not None:
+            self._picture.label = entry.name  # it need not be the open place
             self._picture.image = np.ascontiguousarray(picture[..., ::-1])
 
 

@@ -14,15 +14,15 @@ import viser
 
 from nerfnav.field import UnknownSpace
 from nerfnav.planner import FLYABLE, PLANNERS, RISK, CostWeights, PlanOutcome
-from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.chart import Chart, time_shown
-from nerfnav_app.page.kit.html import LegendEntry, caution, legend, note, table, warning
+from nerfnav_app.page.kit.html import LegendEntry, caution, note, table, warning
 from nerfnav_app.page.kit.risk import look_of_risk
 from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH, readable
-from nerfnav_app.page.kit.widgets import Binder, ChoiceList, post_on
+from nerfnav_app.page.kit.widgets import Binder, ChoiceList
+from nerfnav_app.page.panels.plan.planner_comparison import PlannerComparison
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.more_time import MoreTimeQuery
-from nerfnav_app.state.actions import Command, Settings, StartComparison
+from nerfnav_app.state.actions import Command, Settings
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import NO_TRAJECTORY, CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
@@ -62,22 +62,6 @@ def percent(share: float) -> str:
     """Format an upper bound of a probability, rounded up."""
     tenths = math.ceil(1000 * share - 1e-6)
     return f"{tenths / 10:g} %" if tenths < 100 else f"{math.ceil(100 * share - 1e-6)} %"
-
-
-def describe_comparison(comparison: tuple[PlannerResult, ...]) -> str:
-    """Format the results of several planners as HTML."""
-    head = ("planner", "collision · control · overlap [cm³] · time [s]")
-    found = [result.planner for result in comparison if result.motion is not None]
-    rows = [head, *((result.planner, _compared(result)) for result in comparison)]
-    return table(rows) + legend(LegendEntry(PLANNERS[name].color, name) for name in found)
-
-
-def _compared(result: PlannerResult) -> str:
-    if result.motion is None:
-        return result.complaint
-    cost, overlap = result.summary["cost"], result.summary["mesh_overlap_m3"]
-    volume = "–" if overlap is None else f"{1e6 * overlap:.1f}"
-    return f"{cost['collision']:.3g} · {cost['control']:.3g} · {volume} · {result.summary['wall_s']:.3g}"
 
 
 def describe_flown(session: Session) -> str:
@@ -235,6 +219,7 @@ def chart_data(history: CostHistory) -> np.ndarray:
     return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])
 
 
+_PLANNERS = "fast: seconds; minsnap: minimum snap; rrt: random tree; paper: Eq. 2 by gradient descent, minutes"
 _UNITS = {"outside": "1/m²", "margin": "m"}
 _HINTS = {
     "collision": "Of density × distance travelled, summed over body points and time (Eq. 2)",
@@ -304,34 +289,26 @@ class PlanPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """Add the widgets; `post` takes the commands."""
-        self._planner = ChoiceList(server, "planner", PLANNERS, "Planner of the trajectory", post)
-        self._compare = server.gui.add_button(
-            "Compare planners", color="gray", icon=viser.Icon.SCALE, disabled=True,
-            hint="Plan between the same ends with fast, minsnap, rrt and paper",
-        )  # fmt: skip
+        self._planner = ChoiceList(server, "planner", PLANNERS, _PLANNERS, post)
+        self._comparison = PlannerComparison(server, post)
         self._numbers = server.gui.add_html(note(_NO_PLAN))
-        self._comparison = server.gui.add_html("", visible=False)
         self._charts = PlanCharts(server)
         self._margin = server.gui.add_checkbox(
             "Room for noise", True, hint="Draw the body's radius and two standard deviations by noise around the plan"
         )
         Binder(Settings.VIEW, post)(self._margin, "margin", bool)
         self._settings = PlanSettingsWidgets(server, post)
-        post_on(self._compare.on_click, post, StartComparison)
 
     def show(self, session: Session) -> None:
         """Show the plan as far as it is computed."""
         self._planner.show(session)
         self._settings.show(session)
         planning = session.job is not None and session.job.kind in (JobKind.PLAN, JobKind.COMPARE)
-        self._compare.disabled = not session.may_begin
         self._margin.value = session.view_settings.margin
         self._numbers.content = (
             describe_flown(session)
             if session.flight_is_shown
             else describe(session.plan, session.plan_is_stale, planning)
         )
-        self._comparison.visible = bool(session.comparison)
-        if session.comparison:
-            self._comparison.content = describe_comparison(session.comparison)
+        self._comparison.show(session)
         self._charts.show(session)

@@ -13,7 +13,7 @@ import viser
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.planner import PLANNERS
-from nerfnav_app.page.kit.widgets import post_on
+from nerfnav_app.page.kit.widgets import confirm_reset
 from nerfnav_app.state.actions import (
     Adjust,
     Cancel,
@@ -29,15 +29,21 @@ from nerfnav_app.state.actions import (
     Reset,
     Resume,
     Settings,
+    StartComparison,
     StartFlight,
     StartPlan,
     StepOnce,
     Undo,
 )
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.runs import PlayBack, Scrub
+from nerfnav_app.state.runs import CompareRun, PlayBack, Scrub
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMode
+
+
+@dataclass(frozen=True)
+class InBrowser:
+    """Command that a browser alone can follow, as picks.js does: turn to a tab, or press a button that opens a file."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Shortcut:
 
     label: str
     """Its label."""
-    asks: Callable[[Session], Command | None]
+    asks: "Callable[[Session], Command | InBrowser | None]"
     """Builds the command; None where it is not possible now."""
     key: Any = None
     """Key of its shortcut."""
@@ -56,6 +62,8 @@ class Shortcut:
     """Beside its label."""
     hint: str | None = None
     """Below its label."""
+    confirm: Callable[[viser.ClientHandle, Callable[[Command], None]], None] | None = None
+    """Asks the tab for a confirmation, and posts the command then; None posts it at once."""
 
 
 class CommandPalette:
@@ -66,9 +74,7 @@ class CommandPalette:
         self._session: Session | None = None
         self._commands = [(entry, self._add(server, post, entry)) for entry in entries()]
 
-    def _add(
-        self, server: viser.ViserServer, post: Callable[[Command], None], entry: Shortcut
-    ) -> viser.CommandHandle:
+    def _add(self, server: viser.ViserServer, post: Callable[[Command], None], entry: Shortcut) -> viser.CommandHandle:
         handle = server.gui.add_command(
             entry.label,
             description=entry.hint,
@@ -77,7 +83,18 @@ class CommandPalette:
             icon=entry.icon,
             disabled=True,
         )
-        post_on(handle.on_trigger, post, lambda: None if self._session is None else entry.asks(self._session))
+
+        @handle.on_trigger
+        async def _(event: Any) -> None:
+            client, session = event.client, self._session
+            command = None if session is None or client is None else entry.asks(session)
+            if command is None or client is None:
+                return
+            if entry.confirm is not None:
+                entry.confirm(client, post)
+            elif not isinstance(command, InBrowser):
+                post(command)
+
         return handle
 
     def show(self, session: Session) -> None:
@@ -106,18 +123,43 @@ def entries() -> tuple[Shortcut, ...]:
                  hint="Global localization by its last picture"),
         Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X),
         Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task"),
-        Shortcut("Reset", _when("place", Reset()), "R", "shift", icons.REFRESH),
+        Shortcut("Reset", _when("place", Reset()), "R", "shift", icons.REFRESH, confirm=confirm_reset),
         Shortcut("Undo", _when("history.past", Undo()), "Z", "cmd/ctrl", icons.ARROW_BACK_UP),
         Shortcut("Redo", _when("history.future", Redo()), "Y", "cmd/ctrl", icons.ARROW_FORWARD_UP),
         *(Shortcut(f"Camera: {mode.value}", _see(mode), str(key), icon=icons.EYE)
           for key, mode in enumerate(CameraMode, 1)),
-        *(Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2) for name in scenes.names()),
+        Shortcut("Compare planners", _when("may_begin", StartComparison()), icon=icons.SCALE,
+                 hint="Plan between the same ends with each of them"),
+        Shortcut("Compare flights", _compare, icon=icons.HISTORY, hint="Show the last stored flight beside this one"),
+        Shortcut("Line by clearance", _color_by_clearance, icon=icons.PALETTE,
+                 hint="Colour the plan by the robot's clearance, or no longer"),
+        Shortcut("Open a file", lambda _: InBrowser(), icon=icons.UPLOAD,
+                 hint="A field, a mesh, Gaussian splats, a capture, a video"),
+        Shortcut("Export", _when("place", InBrowser()), icon=icons.DOWNLOAD, hint="Turn to the tab of the exports"),
+        Shortcut("Screenshot", _when("place", InBrowser()), icon=icons.CAMERA, hint="Download the scene as you see it"),
+        *(Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2) for name in scenes.with_fields()),
         *(Shortcut(f"Planner: {name}", _choose("planner", name), icon=icons.ROUTE) for name in PLANNERS),
         *(Shortcut(f"Robot: {name}", _choose("robot", name), icon=icons.DRONE) for name in robots.names()),
     )  # fmt: skip
 
 
-def _when(state: str, command: Command) -> Callable[[Session], Command | None]:
+def _compare(session: Session) -> Command | None:
+    """Compare the shown flight with the newest other one of the place."""
+    shown = session.runs.opened if session.flight is not None else None
+    if session.flight is None or session.growing:
+        return None
+    name = shown.entry.name if shown is not None and shown.record is session.flight else None
+    there = [entry.name for entry in session.runs.entries if session.is_place_of(entry)]
+    # a flight that has just ended is the newest one itself
+    others = [other for other in there if other != name] if name is not None else there[1:]
+    return CompareRun(others[0]) if others else None
+
+
+def _color_by_clearance(session: Session) -> Command | None:
+    return Adjust(Settings.VIEW, "clearance", not session.view_settings.clearance) if session.place else None
+
+
+def _when(state: str, command: "Command | InBrowser") -> "Callable[[Session], Command | InBrowser | None]":
     """Allow a command while that attribute of the session is true, or not empty."""
     allowed = attrgetter(state)
     return lambda session: command if allowed(session) else None

@@ -5,6 +5,7 @@ The status line describes the work in progress, or how it ended.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import viser
 
@@ -12,8 +13,8 @@ from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
 from nerfnav_app.page.kit.html import LegendEntry, fine, heading, legend, note, warning
 from nerfnav_app.page.kit.risk import look_of_risk
-from nerfnav_app.page.kit.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
-from nerfnav_app.page.kit.widgets import post_on
+from nerfnav_app.page.kit.theme import BELIEF, GOAL, GUST, HIT, PLAN, START, TRUTH
+from nerfnav_app.page.kit.widgets import confirm_reset, post_on
 from nerfnav_app.page.panels.flight.flight import format_landing, has_arrived
 from nerfnav_app.page.panels.flight.track import summarize_track as track_ended
 from nerfnav_app.page.panels.plan.plan import (
@@ -26,7 +27,7 @@ from nerfnav_app.page.panels.plan.plan import (
 from nerfnav_app.page.panels.status.next_step import NextButtons
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.places.sources import title_of
-from nerfnav_app.state.actions import Command, Redo, Reset, StartFlight, Undo
+from nerfnav_app.state.actions import Command, Redo, StartFlight, Undo
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import DeclineFlight, PlanRecord
@@ -177,8 +178,10 @@ _MEANINGS = (
     LegendEntry(TRUTH, "executed path"),
     LegendEntry(BELIEF, "estimate, 95 % covariance"),
     LegendEntry(HIT, "collision"),
+    LegendEntry(GUST, "gust"),
 )
-_CHANGES: dict[str, Command] = {"Undo": Undo(), "Redo": Redo(), "Reset": Reset()}
+_ROW = '<span class="nerfnav-row"></span>'
+"""Mark before three buttons that page.css puts into a row."""
 
 
 class StatusPanel:
@@ -192,13 +195,25 @@ class StatusPanel:
         self._anyway = server.gui.add_button("Fly anyway", color="red", visible=False)
         self._decline = server.gui.add_button("Do not fly", color="gray", visible=False)
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._back = server.gui.add_button_group(
-            "Changes", tuple(_CHANGES), hint="Ctrl+Z, Ctrl+Y, Shift+R; Reset discards plan, flight and all settings"
-        )
+        self._row = server.gui.add_html(_ROW)
+        self._undo, self._redo, self._reset = (
+            server.gui.add_button(label, color="gray", hint=hint, disabled=True)
+            for label, hint in (
+                ("Undo", "Ctrl+Z: undo the last move or setting"), ("Redo", "Ctrl+Y: revert the last undo"),
+                ("Reset", "Shift+R: discard plan, flight and all settings"),
+            )
+        )  # fmt: skip
         self._legend = server.gui.add_html(legend(_MEANINGS))
-        post_on(self._back.on_click, post, lambda: _CHANGES[self._back.value])
+        post_on(self._undo.on_click, post, Undo)
+        post_on(self._redo.on_click, post, Redo)
+        self._post = post
+        self._reset.on_click(self._ask_to_reset)
         post_on(self._anyway.on_click, post, lambda: StartFlight(anyway=True))
         post_on(self._decline.on_click, post, DeclineFlight)
+
+    async def _ask_to_reset(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            confirm_reset(event.client, self._post)
 
     def show(self, session: Session) -> None:
         """Show the place and the status."""
@@ -208,5 +223,8 @@ class StatusPanel:
         self._progress.visible = job is not None and not job.paused
         self._progress.value = 100 * (job.fraction or 0.0) if job is not None else 0.0
         self._next.show(session, visible=not needs_confirmation(session))
-        self._back.visible = session.place is not None
+        for button in (self._row, self._undo, self._redo, self._reset):
+            button.visible = session.place is not None
+        self._undo.disabled, self._redo.disabled = not session.history.past, not session.history.future
+        self._reset.disabled = session.place is None
         self._anyway.visible = self._decline.visible = needs_confirmation(session)

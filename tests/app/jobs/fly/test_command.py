@@ -102,7 +102,7 @@ def test_the_command_has_the_duration_that_was_found(
 
 
 def test_settings_of_any_depth_and_kind_are_in_the_command(stones: Place) -> None:
-    flight = NavigateConfig(noise=StateNoise(position_m=1e-5), look_first=False, most_hits=0.5)
+    flight = NavigateConfig(noise=StateNoise(position_m=1e-5), look_first=False, most_risk=0.5)
     flight = replace(flight, filter=replace(flight.filter, adaptive=False, exact_covariance=True))
     pyramid = replace(flight.filter.pyramid, iterations=(3, 4, 5))
     flight = replace(flight, filter=replace(flight.filter, pyramid=pyramid))

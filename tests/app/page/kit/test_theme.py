@@ -1,5 +1,7 @@
 """Colours of the page: told apart in pairs, by deuteranopes too, and seen before the backdrop."""
 
+import re
+from importlib.resources import files
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -14,7 +16,7 @@ _DEUTERANOPIA = np.array(
 _XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 _WHITE = _XYZ.sum(1)
 _AXES = {"x axis": (255, 32, 96), "y axis": (32, 223, 128), "z axis": (32, 128, 255)}  # of viser's gizmos
-_LINES = {name: getattr(theme, name) for name in ("START", "GOAL", "PLAN", "STALE", "TRUTH", "BELIEF", "HIT")}
+_LINES = {name: getattr(theme, name) for name in ("START", "GOAL", "PLAN", "STALE", "TRUTH", "BELIEF", "HIT", "GUST")}
 _APART = 20.0  # CIE 1976 colour difference; 2.3 is just noticed side by side
 
 
@@ -45,6 +47,13 @@ def test_lines_ends_axes_and_brand_are_told_apart(seen_by: np.ndarray) -> None:
     pairs = [pair for pair in combinations(seen, 2) if not set(pair) <= {"HIT", *_AXES}]
     near = {pair: np.linalg.norm(seen[pair[0]] - seen[pair[1]]) for pair in pairs}
     assert min(near.values()) > _APART, min(near, key=near.__getitem__)
+
+
+def test_the_replay_has_the_colours_of_the_page() -> None:
+    page = (files("nerfnav.export") / "replay.html").read_text()
+    told = dict(re.findall(r"--(truth|belief|plan|hit): (#[0-9a-f]{6});", page))
+    assert told == {name.lower(): theme.css(_LINES[name]) for name in ("TRUTH", "BELIEF", "PLAN", "HIT")}
+    assert set(re.findall(r'rgb\("(\w+)"\)', page)) == set(told), "its lines are drawn in other colours"
 
 
 @pytest.mark.parametrize("name", _LINES)

@@ -1,6 +1,7 @@
 """The list of kept places."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -37,3 +38,20 @@ def test_a_renamed_place_stays_chosen_so_that_delete_aims_at_it(
     library.rename(key, "aurora")
     panel.show(listed(1))
     assert panel._list.value == "aurora" and panel._chosen is not None and panel._chosen.key == key
+
+
+def test_the_place_that_is_opened_is_selected_until_the_user_selects_another(
+    server: viser.ViserServer, opened: Session, tmp_path: Path
+) -> None:
+    library = PlaceLibrary(tmp_path)
+    for name in ("moon", "sun"):
+        brought(library, f"{name}.splat", name.encode())
+    panel = PlaceLibraryPanel(server, lambda command: None, library)
+    for entry in library.entries():
+        here = replace(PlaceListQuery((0,)).apply(opened, library.entries()), what=entry.what)
+        panel.show(here)
+        assert panel._list.value == entry.name
+    other = next(name for name in panel._list.options if name != panel._list.value)
+    panel._list.value = other
+    panel.show(here)
+    assert panel._list.value == other

@@ -66,12 +66,10 @@ def test_the_question_outlasts_the_replay_of_a_quick_plan(opened: Session) -> No
 def test_a_flight_that_plans_first_does_not_take_off_unasked_with_a_high_risk(opened: Session) -> None:
     begun = after(opened, m.Adjust(m.Settings.PLAN, "duration_s", 2.0), m.StartFlight())
     ready = reports(begun, plan_step(begun.ends, 1, PlanOutcome.CONVERGED))
-    first = flight_step(begun.ends, 0)
-    object.__setattr__(first, "collision_probability", 0.3)
-    asked = reports(ready, first)
+    risky, safe = (replace(flight_step(begun.ends, 0), collision_probability=share) for share in (0.3, 0.05))
+    asked = reports(ready, risky)
     assert asked.job is None and needs_confirmation(asked)
-    object.__setattr__(first, "collision_probability", 0.05)
-    assert reports(ready, first).in_flight
+    assert reports(ready, safe).in_flight
 
 
 def test_in_flight_the_numbers_are_those_of_the_plan_that_is_flown(opened: Session) -> None:

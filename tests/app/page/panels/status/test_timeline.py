@@ -88,7 +88,7 @@ def test_help_lists_every_key() -> None:
 def test_every_word_of_an_event_is_explained() -> None:
     states = (*SupervisorState, None)
     steps = tuple(replace(flight_step(ENDS, index), recovery=state) for index, state in enumerate(states))
-    touched = (*steps, replace(flight_step(ENDS, 8), touched=True, index=len(steps)))
-    words = {mark.label for mark in list_marks(FlightRecord(ENDS, touched, gusts=(1,), goals_moved=(2,)))}
+    touched = (*steps, replace(flight_step(ENDS, 8), touched=True, index=len(steps), gust_mps=0.1))
+    words = {mark.label for mark in list_marks(FlightRecord(ENDS, touched, goals_moved=(2,)))}
     assert {"gust", "hit", "lost", "blind", "found", "goal moved"} <= words
     assert all(len(explain_mark(word)) > len(word) for word in words)
