@@ -110,6 +110,8 @@ NAMES: dict[str, str] = {
 OPTIONS: dict[str, str] = {
     "--config.": "--",
     "--risk": "--risk-weight",
+    "--most-hits": "--most-risk",
+    "--config.most-hits": "--most-risk",
 }
 """Old option of the command line to the new one; a name that ends with a dot stands for all options below it."""
 

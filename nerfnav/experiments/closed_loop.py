@@ -23,7 +23,7 @@ from nerfnav.experiments.closed_loop_flight import FlightTrial, find_task, fly_p
 from nerfnav.experiments.estimation import errors_of
 from nerfnav.experiments.figures import COLORS, Figure, draw_distribution, panels
 from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
-from nerfnav.navigation import EpisodeOutcome, NavigationStep
+from nerfnav.navigation import EpisodeOutcome, NavigateConfig, NavigationStep
 from nerfnav.robots import Quadrotor, RigidState, load
 from nerfnav.world import Task
 
@@ -111,7 +111,7 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
     """Figures of one flight; None where there are none."""
     last = flown[-1] if flown else None
     return {
-        "outcome": REFUSED if last is None or last.outcome is None else last.outcome.name.lower(),
+        "outcome": _outcome_by_truth(last, goal),
         "steps": len(steps["nees"]),
         "hits_expected": flown[0].hits_expected if flown else None,
         "collision_probability": flown[0].collision_probability if flown else None,
@@ -125,6 +125,15 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
         "held": sum(steps["holds"]),
         **times_of(steps),
     }
+
+
+def _outcome_by_truth(last: NavigationStep | None, goal: RigidState) -> str:
+    """Name the outcome of a flight by where the robot is: one that only believes to have arrived has diverged."""
+    if last is None or last.outcome is None:
+        return REFUSED
+    away = (last.truth.position - goal.position).norm().item() > NavigateConfig.goal_tolerance_m
+    outcome = EpisodeOutcome.DIVERGED if away and last.outcome is EpisodeOutcome.REACHED else last.outcome
+    return outcome.name.lower()
 
 
 def times_of(steps: Row) -> Row:

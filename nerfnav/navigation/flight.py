@@ -75,7 +75,7 @@ class NavigateConfig:
     look_first: bool = True
     """Whether the robot takes a picture before it leaves (paper: no), so that it does not rely on the given start."""
     goal_tolerance_m: float = 0.08
-    """REACHED when the believed position is this near to the goal [m]."""
+    """REACHED when the believed position is this near to the goal [m], with two standard deviations to spare."""
     minimum_horizon: int = 6
     """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
     timeout_factor: float = 2.0

@@ -53,6 +53,9 @@ from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState, see
 from nerfnav.planner import PlanOutcome, PlanResult, PlanStep, PlanSteps, Route
 from nerfnav.robots import Motion, RigidState
 
+_SURE, _MOST_UNSURE = 2.0, 0.5
+"""Standard deviations by which a robot is to be within the tolerance, and the largest share of it that they take."""
+
 
 def navigate(
     request: FlightRequest,
@@ -223,11 +226,20 @@ def _judge_arrival(
         return EpisodeOutcome.NO_PLAN
     if config.open_loop and len(step.plan.actions):
         return None
-    if not step.holds and (step.belief.mean.position - goal.goal.position).norm() < config.goal_tolerance_m:
+    if not step.holds and _is_there(step.belief, goal.goal, config):
         return EpisodeOutcome.REACHED
     most = config.timeout_factor * flight.request.steps
     late = step.index - goal.since - min(held, most) >= most
     return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
+
+
+def _is_there(belief: Belief, goal: RigidState, config: NavigateConfig) -> bool:
+    """Check whether the robot is within the tolerance of the goal, its uncertainty included: two standard deviations of
+    the position, at most half of the tolerance, which noise lets a robot meet; none in open loop, which looks nowhere.
+    """
+    tolerance, distance = config.goal_tolerance_m, (belief.mean.position - goal.position).norm().item()
+    unsure = 0.0 if config.open_loop else min(_SURE * belief.position_std, _MOST_UNSURE * tolerance)
+    return distance + unsure < tolerance
 
 
 def _correct_at_rest(step: NavigationStep, flight: FlightContext) -> Generator[FilterStep, None, NavigationStep]:

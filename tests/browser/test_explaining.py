@@ -1,6 +1,7 @@
 """What the page explains: events on the timeline, settings on their names; and keys after a click."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav_app.jobs.events import JobResult
@@ -15,6 +16,8 @@ from tests.browser.works import small_work
 Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
 _NAME = "label:text-is('{}')"
+_BLOWN = 5
+"""Time step of the gust."""
 _HOVERED = """dot => {
   const {x, y, width, height} = dot.getBoundingClientRect();
   return document.elementFromPoint(x + width / 2, y + height / 2)?.closest("[title]")?.title;
@@ -40,13 +43,14 @@ def test_space_pauses_after_a_click_on_a_tab_and_a_flight_is_in_real_time(serve:
 
 
 def test_marks_of_events_are_tooltips_and_their_names_are_below(serve: Serve, open_tab: OpenTab) -> None:
-    steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(40)]
+    steps = [
+        lambda job, k=k: replace(flight_step(job.ends, k), gust_mps=0.1 if k == _BLOWN else None) for k in range(40)
+    ]
     last = lambda job: flight_step(job.ends, 40, EpisodeOutcome.REACHED)  # noqa: E731
     app = serve(ScriptedWork({JobKind.FLY: [*steps, last, JobResult()]}))
     tab = open_tab(app)
     tab.key("f")
     tab.until(lambda: app.session.steps_reported > 1, "nothing flies")
-    tab.key("g")
     tab.until_idle()
     mark = tab.page.locator(".mantine-Slider-markWrapper[title^='Gust at']")
     mark.wait_for(state="attached")  # it has no size of its own: what is hovered over is the dot in it

@@ -79,7 +79,7 @@ def timed_drafts(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     def timed(query: FollowingPlanQuery, resources: Resources) -> SessionPlan:
         began = time.monotonic()
         plan = answer(query, resources)
-        if query.draft:
+        if query.record.draft:
             took.append(time.monotonic() - began)
         return plan
 
@@ -167,6 +167,7 @@ def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weigh
     serve: Serve, open_tab: OpenTab
 ) -> None:
     app, tab = with_field(serve, open_tab)
+    app.post(Adjust(Settings.PLAN, "paper_cost", True))  # else the risk of noise keeps it away
     app.post(Adjust(Settings.WEIGHTS, "collision", 0.0))
     tab.until(lambda: app.session.unsafe_plan is not None, "the plan does not know that it is not safe")
     tab.until(lambda: tab.says(status(app.session).text), "the page does not say what is wrong")
@@ -182,5 +183,5 @@ def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weigh
     tab.press("status.reset")
     tab.page.get_by_role("button", name="Reset all", exact=True).click()
     tab.until(lambda: app.session.plan is None and app.session.job is None, "nothing was reset")
-    assert app.session.plan_settings.weights.collision == 1.0
+    assert app.session.plan_settings.has_default_cost
     tab.until(lambda: not tab.is_visible("/plan/line"), "the plan stays")

@@ -105,7 +105,8 @@ def test_each_step_of_a_stored_flight_is_written_again_letter_by_letter(name: st
 @pytest.mark.parametrize("name", ["flight", "outcomes"])
 def test_what_is_known_of_a_flight_is_written_again_letter_by_letter(name: str, tmp_path: Path) -> None:
     written = p.RunMetadata.load(stored.RUNS / name).save(tmp_path)
-    assert written.read_bytes() == (stored.RUNS / name / "run.json").read_bytes()
+    added = {"command": None, "requests": [], "plan_outcome": None}  # which flights of earlier versions do not have
+    assert json.loads(written.read_text()) == json.loads((stored.RUNS / name / "run.json").read_text()) | added
 
 
 LATER = {p.EpisodeOutcome.OUTSIDE}

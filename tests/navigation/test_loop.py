@@ -225,9 +225,10 @@ def test_a_robot_that_shall_fly_on_touches_and_has_collided_in_the_end():
 
 @pytest.mark.parametrize("fly_on", [False, True])
 def test_a_robot_that_leaves_the_box_of_the_field_has_ended_its_flight(fly_on: bool):
+    edge = 0.1 + ROBOT.body.radius
     box = Box.of((-1.0, -1.0, 0.0), (0.1, 1.0, 1.0))
     steps = steps_of(fly(world=simulator(box=box), config=replace(CONFIG, fly_on=fly_on)))
-    assert all(step.truth.position[0] <= 0.1 for step in steps[:-1]) and steps[-1].truth.position[0] > 0.1
+    assert all(step.truth.position[0] <= edge for step in steps[:-1]) and steps[-1].truth.position[0] > edge
     assert steps[-1].outcome is EpisodeOutcome.OUTSIDE
     hit = steps_of(fly(world=simulator(box=box, contact=crosses), config=replace(CONFIG, fly_on=True)))
     assert hit[-1].outcome is EpisodeOutcome.COLLIDED, "the first that holds"
@@ -353,7 +354,7 @@ def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
 @pytest.mark.parametrize("leash", [0.0, 0.1])
 def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leash(leash: float) -> None:
     world, planner = simulator(noise=None), StraightPlanner()
-    config = NavigateConfig(noise=CALM, leash_m=leash)
+    config = NavigateConfig(noise=CALM, leash_m=leash, goal_tolerance_m=0.1)
     steps = [
         event
         for event in navigate(REQUEST, world, NavigationStack(planner, Oracle(world)), config, draws(1))

@@ -18,6 +18,7 @@ from nerfnav.navigation import (
 from nerfnav.planner import (
     FLYABLE,
     FastPlanConfig,
+    FieldPlanner,
     InteractivePlanner,
     Planner,
     PlannerConfig,
@@ -183,6 +184,8 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
 def _draft(request: PlanRequest, planner: Planner) -> PlanSteps:
     """Plan once, from the warm start where there is one and the planner can use it."""
     last, steps, dt = request.warm_start, request.steps, request.dt
+    if isinstance(planner, FieldPlanner):
+        planner = replace(planner, risk_dt=dt)  # one collision map for all moves of the hand
     start, goal = request.ends.start.state(), request.ends.goal.state()
     if last is None:
         return planner.plan(Route(start, goal, steps, dt))

@@ -10,7 +10,7 @@ from nerfnav_app.state.plan import RiskLevel, classify_risk
 _COLORS = {RiskLevel.LOW: START, RiskLevel.MODERATE: CAUTION, RiskLevel.HIGH: HIT}
 _FORMATS = {RiskLevel.LOW: fine, RiskLevel.MODERATE: caution, RiskLevel.HIGH: warning}
 _LEAST_SHARE = 0.001
-"""Probabilities are estimated from some thousand samples: below this they are not told apart."""
+"""Probabilities are estimated from some thousand samples: below this they are not distinguished."""
 
 
 @dataclass(frozen=True)

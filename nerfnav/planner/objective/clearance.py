@@ -212,7 +212,7 @@ class _Samples:
     """Dense samples next to others that are not, in a part of the box."""
 
     places: Float[Tensor, "n 3"]
-    tree: scipy.spatial.KDTree
+    tree: "scipy.spatial.KDTree"  # quoted: it is slow to import
 
     @classmethod
     def of(cls, places: Float[Tensor, "n 3"]) -> "_Samples":

@@ -54,6 +54,8 @@ class PlanProblem:
     """True if the arrival is put off at each step, see terms/risk.py."""
     keeps_headings: bool = False
     """True if the search leaves the headings of a trajectory as they are, see Route."""
+    risk_dt: float | None = None
+    """Length of the steps [s] in whose noise risk counts; None: dt. Each takes a collision map of its own."""
 
     @property
     def route(self) -> Route:
@@ -70,7 +72,7 @@ class PlanProblem:
         apart = (self.goal.position - self.start.position).norm().item()
         pace = max(apart, self.robot.body.radius) / self.steps if self.overdue else None
         height = self.start.position[2].item() if self.robot.planar else None
-        return RiskContext(self.dt, self.noise, pace, height)
+        return RiskContext(self.risk_dt or self.dt, self.noise, pace, height)
 
     def trajectory_through(self, waypoints: Float[Tensor, "times 4"]) -> Trajectory:
         """Follow waypoints (x, y, z [m], yaw [rad]) as nearly as ends and dynamics allow."""

@@ -89,6 +89,8 @@ class FieldPlanner:
     """Noise of the flight, for plans that count risk."""
     occupancy: OccupancyMap | None = dataclasses.field(default=None, kw_only=True)
     """Saves making the map of the field again where the caller has it."""
+    risk_dt: float | None = dataclasses.field(default=None, kw_only=True)
+    """See PlanProblem; for plans whose steps change with each move of a hand."""
     keeps_headings: ClassVar[bool] = False
     """True if it follows `Route.keeps_headings`: a first plan may then choose headings for what the camera sees."""
 
@@ -96,7 +98,7 @@ class FieldPlanner:
         """Return the problem of planning from scratch."""
         return PlanProblem(
             self.field, self.robot, route.start, route.goal, route.steps, route.dt, self.terms, self.noise,
-            keeps_headings=route.keeps_headings,
+            keeps_headings=route.keeps_headings, risk_dt=self.risk_dt,
         )  # fmt: skip
 
     def rest(self, last: Motion, route: Route) -> PlanProblem:

@@ -4,7 +4,9 @@ import os
 import shlex
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ import torch
 
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.flight import NavigateConfig, OperatorRequests
-from nerfnav.planner import planners
+from nerfnav.planner import PlanResult, planners
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.robots.noise import StateNoise
 from nerfnav_app.cli.commands.fly import make_request
@@ -143,26 +145,12 @@ def test_requests_of_the_operator_are_noted_once_each() -> None:
     ids=["a task", "a found duration"],
 )
 def test_a_flight_of_the_page_and_its_command_are_equal_step_for_step(
-    stones: Place, tmp_path: Path, changes: dict[str, Any]
+    tmp_path: Path, changes: dict[str, Any]
 ) -> None:
-    session = session_of(stones, **changes)
-    asked = request_of(session, RunStore(tmp_path / "runs"))
-    finished: list[Any] = []
-    planning = plan_job.run(asked.route, stones)
-    while True:
-        try:
-            finished.append(next(planning))
-        except StopIteration:
-            break
-    planned = [event for event in finished if hasattr(event, "outcome")][-1]
-    record = session.new_plan(session.ends).with_step(planned)
-    asked = request_of(session, RunStore(tmp_path / "runs"), record)
-    assert asked.out is not None and asked.plan is not None
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    result_of(fly.run(asked, stones))
-    torch.set_num_threads(before)
-    command = RunMetadata.load(asked.out).command
+    with pytest.MonkeyPatch.context() as patch, ProcessPoolExecutor(1, get_context("spawn")) as page:
+        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # as the process of `nerfnav serve` has it
+        flown = page.submit(_fly_on_page, changes, tmp_path / "runs").result()
+    command = RunMetadata.load(flown).command
     assert command is not None
     for threads in ("1", "2"):
         out = tmp_path / f"again{threads}"
@@ -171,7 +159,20 @@ def test_a_flight_of_the_page_and_its_command_are_equal_step_for_step(
         environment = {**os.environ, "OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
         environment.pop("OPENBLAS_NUM_THREADS", None)
         subprocess.run([sys.executable, "-c", code, *words], env=environment, check=True)
-        _assert_equal(asked.out, out)
+        _assert_equal(flown, out)
+
+
+def _fly_on_page(changes: dict[str, Any], runs: Path) -> Path:
+    """Plan and fly as the page does; return the folder of the flight."""
+    torch.set_num_threads(1)
+    place = open_place("stonehenge")
+    session = session_of(place, **changes)
+    planned = [event for event in plan_job.run(request_of(session).route, place) if isinstance(event, PlanResult)][-1]
+    record = session.new_plan(session.ends).with_step(planned)
+    asked = request_of(session, RunStore(runs), record)
+    assert asked.out is not None and asked.plan is not None
+    result_of(fly.run(asked, place))
+    return asked.out
 
 
 def _assert_equal(one: Path, other: Path) -> None:

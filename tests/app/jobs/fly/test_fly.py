@@ -87,7 +87,7 @@ def test_a_flight_that_hits_something_is_over_and_stored_unless_it_flies_on(
 
 
 def test_a_flight_ends_where_it_leaves_the_field(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
-    box = Box(place.field.box.lower, torch.tensor([0.0, 1.0, 1.0]))
+    box = Box(place.field.box.lower, torch.tensor([-0.3, 1.0, 1.0]))
     monkeypatch.setattr(setup, "Simulator", lambda *parts, **others: Simulator(*parts, **(others | {"box": box})))
     steps, finished = flown(run(BLIND, place))
     assert finished.summary["outcome"] == "outside" and len(steps) < 21
