@@ -28,9 +28,11 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep, PlanSteps
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import limit_uses
 
-_FIRMER = (10.0, 1000.0)
-"""Factors on the weight of limits, in turn, for a plan that ends beyond them. The last outweighs risk: with 100, a
-sofa's plan through a door that noise makes risky stayed 6 % beyond its force in whatever time."""
+_FIRMER = (10.0, 100.0, 1000.0)
+"""Factors on the weight of limits, in turn, for a plan that ends beyond them."""
+_LIMITS_FIRST = 0.01
+"""Share of the weight of risk in the last of these rounds: a sofa's plan through a door that noise makes risky stayed
+6 % beyond its force in whatever time, and what the robot cannot do is no way to avoid a risk."""
 _FINER = 4
 """Factor on the number of densities for the choice between finalists: a body must not slip through a wall."""
 
@@ -180,7 +182,8 @@ class _Desk:
         for firmer in (1.0, *_FIRMER):
             if firmer > 1:
                 weights, free = self._config.weights, tried.point.free
-                firm = self._weighing(replace(weights, limits=firmer * weights.limits))
+                risk = weights.risk if firmer < _FIRMER[-1] else _LIMITS_FIRST * weights.risk
+                firm = self._weighing(replace(weights, limits=firmer * weights.limits, risk=risk))
                 inverse = preconditioner(firm.effort_curvature, free, self.scales, self._config.newton.prior)
                 tried = _last(minimise(firm, firm(free), self.scales, self._config.newton, inverse))
             self._flat.forward(tried.point.free)
