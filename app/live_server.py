@@ -30,7 +30,7 @@ class _Came:
 
     picture: messages.Picture
     text: bool
-    """Whether it came as text."""
+    """True if it came as text."""
     at: float = field(default_factory=time.perf_counter)
     """When [s]."""
 

@@ -187,15 +187,10 @@ class Route(Output):
             unknown=UnknownSpace(self.unknown),
             config=config,
             again=self._replan_settings(config, again),
-            flight=self._bounded(flight),
+            flight=replace(flight, in_sight=0.0) if self.paper_cost else flight,
             world=world,
         )
         return request.lasting(self.duration) if isinstance(self.duration, float) else request
-
-    def _bounded(self, flight: NavigateConfig) -> NavigateConfig:
-        """Configure the flight by --max-collision and --paper-cost."""
-        bounded = flight if self.max_collision is None else replace(flight, most_risk=self.max_collision)
-        return replace(bounded, in_sight=0.0) if self.paper_cost else bounded
 
     def _replan_settings(self, config: PlannerConfig, again: PlannerConfig | None) -> PlannerConfig | None:
         """Choose the settings of plans in flight: `again` if it differs from the default, else those that --risk-weight

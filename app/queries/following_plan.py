@@ -38,7 +38,7 @@ class SessionPlan:
 def plan_request(record: PlanRecord, resources: Resources) -> plan.PlanRequest:
     """Request the plan of a record: the first plan of a flight by the same settings."""
     settings, planner, own = record.settings, record.planner, resources.plan_configs.get(record.planner)
-    flight = replace(resources.navigate, noise=record.flight.noise, most_risk=settings.max_collision)
+    flight = replace(resources.navigate, noise=record.flight.noise)
     request = plan.PlanRequest(
         record.ends, planner=planner, config=settings.config(planner, own), again=settings.flight_config(planner, own),
         shortest=settings.shortest, max_collision=settings.max_collision, unknown=settings.unknown,

@@ -45,7 +45,7 @@ class RunMetadata:
     outcome: str | None = None
     """How it ended; None while it flies, and for ever where the program was killed."""
     plan_outcome: str | None = None
-    """How its first plan ended; None where that is not known."""
+    """Outcome of its first plan; None where that is not known."""
     command: str | None = None
     """Command line that flies it again, as a person would type it; None in files of versions that did not keep it."""
     requests: tuple[str, ...] = ()

@@ -38,6 +38,7 @@ from nerfnav.navigation import (
     WorldName,
     build_safe_planner,
     compensate_latency,
+    estimate_flight_time,
     navigate,
     world_generator,
 )
@@ -46,9 +47,7 @@ from nerfnav.planner import (
     OccupancyConfig,
     OccupancyMap,
     PlanProblem,
-    estimate_timing,
     fits,
-    path_length,
     planners,
     settle_ends,
 )
@@ -173,8 +172,8 @@ def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), problem.steps * problem.dt):
         return problem
     weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
-    length = path_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)
-    return replace(problem, steps=estimate_timing(robot, length, problem.dt, problem.dt).steps)
+    timing = estimate_flight_time(problem, _map(arena, problem), FastPlanConfig(weights=weights), problem.dt)
+    return replace(problem, steps=timing.steps)
 
 
 def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[FlightStep]:

@@ -162,8 +162,7 @@ def build_safe_planner(
     """
     again = again or entry.again(settings)
     risk, pushed = again.weights.risk, NoiseModel(noise)
-    first = replace(settings, weights=replace(settings.weights, risk=risk))
-    planner = entry.planner(field, robot, first, again, occupancy)
+    planner = entry.planner(field, robot, entry.first_in_flight(settings, again), again, occupancy)
     if isinstance(planner, FieldPlanner):
         planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms)
     return planner, SafetyFilter(field, robot, pushed) if risk else None

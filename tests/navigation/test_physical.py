@@ -378,8 +378,7 @@ def test_biases_of_the_unit_are_learned_and_beliefs_are_honest() -> None:
         belief, generator = Belief(START, 1e-4 * torch.eye(12)), draws(100 + seed)
         for index in range(40):
             world.follow(still(START), believed=belief.mean)
-            *_, step = late.update(belief, grey(None), HOVER[0], 0.1, generator)
-            belief = step.posterior
+            belief = run_steps(late.update(belief, grey(None), HOVER[0], 0.1, generator)).posterior
             error = belief.mean.local(world.state).double()
             nees.append(float(error @ torch.linalg.solve(belief.covariance.double(), error)))
             if index >= 20:

@@ -97,8 +97,6 @@ def _words_of_settings(route: PlanRequest) -> list[str]:
         else:
             words += _differences(again, entry.again(entry.config()), "replan.")
     words += _differences(settings, entry.config(), "plan.")
-    if flight.most_risk == route.max_collision:  # which --max-collision sets too
-        flight = replace(flight, most_risk=NavigateConfig.most_risk)
     flight = replace(flight, open_loop=NavigateConfig.open_loop)
     return [*words, *_differences(flight, NavigateConfig(), "")]
 

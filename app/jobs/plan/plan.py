@@ -94,8 +94,7 @@ class PlanRequest:
     @property
     def flight_settings(self) -> PlannerConfig:
         """Settings with the weight of risk that the plans of a flight have."""
-        again = self.again or planners.load(self.planner).again(self.settings)
-        return replace(self.settings, weights=replace(self.settings.weights, risk=again.weights.risk))
+        return planners.load(self.planner).first_in_flight(self.settings, self.again)
 
     def lasting(self, seconds: float) -> "PlanRequest":
         """The same in a given time [s], cut into whole steps of about dt. Raises InvalidInputError for none."""
@@ -175,7 +174,8 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     planned = yield from plan_first(planner, route, robot, objective, timing)
     if request.max_collision is None:
         return planned
-    problem = replace(problem, steps=planned.trajectory.steps, dt=planned.motion.dt)
+    end = planned.trajectory.route  # whose heading may have been chosen for what the camera sees
+    problem = replace(problem, goal=end.goal, steps=end.steps, dt=end.dt, keeps_headings=end.keeps_headings)
     careful = FastPlanConfig(weights=settings.weights, occupancy=settings.occupancy)
     most, tolerance = request.max_collision, request.flight.goal_tolerance_m
     return (yield from enforce_chance_constraint(problem, planned, careful, most, occupancy, tolerance))

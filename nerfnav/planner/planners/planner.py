@@ -155,6 +155,14 @@ class PlannerEntry:
             return again
         return with_room(settings) if risk == 0 else replace(again, weights=replace(again.weights, risk=risk))
 
+    def first_in_flight(self, settings: PlannerConfig, again: PlannerConfig | None = None) -> PlannerConfig:
+        """Return the settings of a flight's first plan: `settings`, with the weight of risk that later plans have.
+
+        Those are planned with `again`; None: with the planner's own.
+        """
+        risk = (again or self.again(settings)).weights.risk
+        return replace(settings, weights=replace(settings.weights, risk=risk))
+
     def planner(
         self,
         field: Field,

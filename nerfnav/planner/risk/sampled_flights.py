@@ -41,7 +41,7 @@ class SampledFlights:
     turns: Float[np.ndarray, "times n"]
     """Error of the heading [rad]."""
     arrived: Bool[np.ndarray, "times n"]
-    """Whether the flight has ended by then."""
+    """True where the flight has ended by then."""
     fractions: Float[np.ndarray, " k"]
     """Times between two of the plan at which the body is checked, in shares of a step."""
     rotations: Float[np.ndarray, "steps k 3 3"]

@@ -30,7 +30,7 @@ _ADVICE = {
     Remedy.REPLAN: "plan with more room or time",
     Remedy.FORCE: "tick Export anyway",
 }
-"""What the page offers for each remedy."""
+"""Offer of the page for each remedy."""
 
 
 class ExportPanel:

@@ -32,7 +32,7 @@ class SortKey:
     of: Callable[[StoredRun], Any]
     """Reads the fact; None where it is unknown."""
     descending: bool = False
-    """Whether the largest comes first."""
+    """True if the largest comes first."""
 
 
 def final_error(entry: StoredRun) -> float | None:

@@ -84,3 +84,14 @@ def test_a_flight_shows_the_iterations_of_its_first_plan(place: Place) -> None:
         if isinstance(event, NavigationStep):
             break
     assert sum(isinstance(event, PlanStep) for event in events) > 5
+
+
+@pytest.mark.slow
+def test_a_plan_that_is_made_safer_keeps_the_heading_that_was_chosen() -> None:
+    playground = open_place("playground")
+    task = next(task for task in playground.tasks if task.name == "Through the tube")
+    routes = [PlanRequest(Ends.of_task(task), max_collision=most) for most in (None, 1e-6)]
+    first, safer = (planned(route, playground).motion.states for route in routes)
+    asked = task.goal_state.rotation
+    assert not torch.allclose(first.rotation[-1], asked, atol=0.1), "a heading is chosen here"
+    torch.testing.assert_close(safer.rotation[-1], first.rotation[-1])
