@@ -35,6 +35,7 @@ from nerfnav.planner import (
     FastPlanner,
     PlanProblem,
     PlanResult,
+    close_holes,
     map_for,
     planners,
     with_risk,
@@ -129,8 +130,9 @@ def update(
 
 
 def _with_solid_unknown(problem: PlanProblem) -> PlanProblem:
-    """Return the problem in the field in which unseen space is solid."""
-    return replace(problem, field=planning_field(problem.field, UnknownSpace.OCCUPIED))
+    """Return the problem in the field in which unseen space is solid, and holes are where the robot drives."""
+    field = planning_field(problem.field, UnknownSpace.OCCUPIED)
+    return replace(problem, field=close_holes(field, problem.robot, problem.start.position[2].item()))
 
 
 def _camera_function(problem: PlanProblem, scene: "world.Scene | None", camera: Camera) -> CameraFunction:

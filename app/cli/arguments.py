@@ -5,7 +5,7 @@ A route is what `plan` and `fly` need: the place, start and goal, the planner.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, field, make_dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -187,22 +187,21 @@ class Route(Output):
             unknown=UnknownSpace(self.unknown),
             config=config,
             again=self._replan_settings(config, again),
-            flight=replace(flight, in_sight=0.0) if self.paper_cost else flight,
+            paper_cost=self.paper_cost,
+            flight=flight,
             world=world,
         )
         return request.lasting(self.duration) if isinstance(self.duration, float) else request
 
     def _replan_settings(self, config: PlannerConfig, again: PlannerConfig | None) -> PlannerConfig | None:
         """Choose the settings of plans in flight: `again` if it differs from the default, else those that --risk-weight
-        and --paper-cost make of the first plan's; None for the default."""
+        makes of the first plan's; None for the default."""
         entry = planners.load(self.planner)
-        require_not_negative(**{"--risk-weight": self.risk_weight})
+        require_not_negative(risk_weight=self.risk_weight)
+        if self.paper_cost and self.risk_weight:
+            raise InvalidInputError("--paper-cost counts no risk: leave out --risk-weight, or --paper-cost")
         if again is not None and again != entry.again(entry.config()):
             return again
-        if self.paper_cost:
-            if self.risk_weight:
-                raise InvalidInputError("--paper-cost counts no risk: leave out --risk-weight, or --paper-cost")
-            return config
         return None if self.risk_weight is None else entry.in_flight(config, self.risk_weight)
 
     def task_name(self, place: Place) -> str | None:

@@ -7,7 +7,7 @@ from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
 from nerfnav.field import UnknownSpace, describe_unproven, planning_field
 from nerfnav.geometry import Camera
 from nerfnav.navigation import WORLDS, WorldName
-from nerfnav.planner import OccupancyConfig, OccupancyMap
+from nerfnav.planner import OccupancyConfig, OccupancyMap, close_holes
 from nerfnav.robots import Robot
 from nerfnav_app.places.place import Place
 
@@ -17,6 +17,14 @@ def prepare_place(place: Place, unknown: UnknownSpace) -> Place:
     """The place as planners see it, its unknown space taken for solid or not; made once, as maps of it are."""
     field = planning_field(place.field, unknown)
     return place if field is place.field else replace(place, field=field)
+
+
+@lru_cache(maxsize=2)
+def prepare_route(place: Place, unknown: UnknownSpace, height: float) -> Place:
+    """The place as planners see it, with the holes of its floor closed for a robot that drives at a height [m]."""
+    planning = prepare_place(place, unknown)
+    field = close_holes(planning.field, place.robot, height)
+    return planning if field is planning.field else replace(planning, field=field)
 
 
 def build_occupancy(place: Place, config: OccupancyConfig, height: float) -> OccupancyMap:

@@ -38,11 +38,11 @@ class SessionPlan:
 def plan_request(record: PlanRecord, resources: Resources) -> plan.PlanRequest:
     """Request the plan of a record: the first plan of a flight by the same settings."""
     settings, planner, own = record.settings, record.planner, resources.plan_configs.get(record.planner)
-    flight = replace(resources.navigate, noise=record.flight.noise)
     request = plan.PlanRequest(
         record.ends, planner=planner, config=settings.config(planner, own), again=settings.flight_config(planner, own),
         shortest=settings.shortest, max_collision=settings.max_collision, unknown=settings.unknown,
-        flight=replace(flight, in_sight=0.0) if settings.paper_cost else flight, world=record.flight.world,
+        paper_cost=settings.paper_cost, flight=replace(resources.navigate, noise=record.flight.noise),
+        world=record.flight.world,
     )  # fmt: skip
     return request.lasting(settings.duration_s)
 

@@ -143,12 +143,10 @@ class PlanSettings:
         return replace(planners.load(planner).config() if own is None else own, weights=weights)
 
     def flight_config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:
-        """Choose the planner's settings in flight; None for its own."""
+        """Choose the planner's settings in flight; None for its own, or those of the paper's cost."""
         entry = planners.load(planner)
         settings, risk = self.config(planner, own) or entry.config(), self.weights.risk or self.risk_weight
-        if self.paper_cost:
-            return settings
-        return None if risk == RISK else entry.in_flight(settings, risk)
+        return None if risk == RISK or self.paper_cost else entry.in_flight(settings, risk)
 
 
 @dataclass(frozen=True)

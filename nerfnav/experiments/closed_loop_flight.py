@@ -25,7 +25,7 @@ from nerfnav.estimator import (
     estimators,
 )
 from nerfnav.experiments.arena import Arena, make_renderer, make_searcher
-from nerfnav.field import UnknownSpace, planning_field
+from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.geometry import Pose
 from nerfnav.navigation import (
     WORLDS,
@@ -47,6 +47,7 @@ from nerfnav.planner import (
     OccupancyConfig,
     OccupancyMap,
     PlanProblem,
+    close_holes,
     fits,
     planners,
     settle_ends,
@@ -168,7 +169,8 @@ def _stand(arena: Arena, task: Task) -> Task:
 def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     """Plan problem in the field with unobserved space taken for solid."""
     robot = _planned(task.robot, trial.world)
-    problem = PlanProblem(planning_field(arena.field, UnknownSpace.OCCUPIED), robot, task.start_state, task.goal_state)
+    field = _field_at(arena, robot.source, task.start_state.position[2].item() if robot.planar else None)
+    problem = PlanProblem(field, robot, task.start_state, task.goal_state)
     if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), problem.steps * problem.dt):
         return problem
     weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
@@ -218,9 +220,14 @@ def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
 
 @lru_cache(maxsize=4)
 def _map_at(arena: Arena, robot: str, height: float | None) -> OccupancyMap:
-    return OccupancyMap.of(
-        planning_field(arena.field, UnknownSpace.OCCUPIED), _robot(robot).body, OccupancyConfig(), height
-    )
+    return OccupancyMap.of(_field_at(arena, robot, height), _robot(robot).body, OccupancyConfig(), height)
+
+
+@lru_cache(maxsize=4)
+def _field_at(arena: Arena, robot: str, height: float | None) -> Field:
+    """Field to plan in, with the holes closed of the floor that a robot drives on at a height [m]."""
+    field = planning_field(arena.field, UnknownSpace.OCCUPIED)
+    return field if height is None else close_holes(field, _robot(robot), height)
 
 
 @lru_cache

@@ -21,7 +21,7 @@ from nerfnav.estimator import Belief
 from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
 from nerfnav.live.setpoints import place_on_curve, predict_guided, setpoints_of, shift_half_step_back
-from nerfnav.navigation import NavigateConfig, SafetyFilter, build_safe_planner
+from nerfnav.navigation import NavigateConfig, SafetyFilter, build_safe_planner, estimate_flight_time
 from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.planner import (
     FLYABLE,
@@ -35,10 +35,8 @@ from nerfnav.planner import (
     Route,
     collision_probability_bound,
     downgrade_outcome,
-    estimate_timing,
     fits,
     nearest_free_pose,
-    path_length,
     planners,
     scales_of,
     with_risk,
@@ -163,9 +161,9 @@ class Guide:
     def _anew(self, planner: Planner, start: RigidState, end: RigidState, patience: float = 1.0) -> PlanSteps:
         """A plan from scratch that may take so many times the usual time."""
         config = self.config
-        problem = PlanProblem(self.field, self.robot, start, end)
-        length = path_length(problem, self.map_at(float(end.position[2])), with_risk(config.planning).ways)
-        timing = estimate_timing(self.robot, length, config.dt)
+        problem = PlanProblem(self.field, self.robot, self.robot.settled(start, end), end, dt=config.dt)
+        occupancy = self.map_at(float(end.position[2]))
+        timing = estimate_flight_time(problem, occupancy, with_risk(config.planning))
         steps = math.ceil(patience * max(config.pace * timing.steps, config.minimum_horizon, self.robot.minimum_steps))
         return planner.plan(Route(self._begun(start, end, timing.dt), end, steps, timing.dt))
 

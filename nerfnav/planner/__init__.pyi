@@ -49,6 +49,7 @@ from .space.ends import fits as fits
 from .space.ends import nearest_free_pose as nearest_free_pose
 from .space.ground import Footing as Footing
 from .space.ground import Support as Support
+from .space.ground import close_holes as close_holes
 from .space.ground import settle_ends as settle_ends
 from .space.ground import settle_on_ground as settle_on_ground
 from .space.occupancy import OccupancyConfig as OccupancyConfig

@@ -53,7 +53,7 @@ def plan_requests() -> dict[str, tuple[str, p.PlanRequest]]:
 
 
 def _own_cost(request: p.PlanRequest) -> p.PlanRequest:
-    return replace(request, again=request.settings, flight=p.NavigateConfig(in_sight=0.0))
+    return replace(request, paper_cost=True)
 
 
 def _plan_requests() -> dict[str, tuple[str, p.PlanRequest]]:

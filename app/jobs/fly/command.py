@@ -87,12 +87,9 @@ def _words_of_duration(ends: Ends, place: Place, has_task: bool, steps: int | No
 def _words_of_settings(route: PlanRequest) -> list[str]:
     """Words for the settings of planner and flight that differ from the defaults."""
     entry, settings, again, flight = planners.load(route.planner), route.settings, route.again, route.flight
-    words: list[str] = []
+    words = ["--paper-cost"] if route.paper_cost else []
     if again is not None and again != entry.again(settings):
-        if again == settings and flight.in_sight == 0:
-            words.append("--paper-cost")
-            flight = replace(flight, in_sight=NavigateConfig.in_sight)
-        elif again == entry.in_flight(settings, again.weights.risk):
+        if again == entry.in_flight(settings, again.weights.risk):
             words += ["--risk-weight", _word(again.weights.risk)]
         else:
             words += _differences(again, entry.again(entry.config()), "replan.")

@@ -32,7 +32,7 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
     """
     route, robot, world = request.route, place.robot, WORLDS[request.route.world]
     estimator = estimators.load(request.estimator)
-    config = world.configure(replace(route.flight, open_loop=request.open_loop or route.flight.open_loop))
+    config = world.configure(replace(route.navigate_config, open_loop=request.open_loop or route.flight.open_loop))
     if route.max_collision is not None:  # of the plan, and of what the first belief makes of it
         config = replace(config, most_risk=route.max_collision)
     planner, safety_filter = make_planner(route, place)

@@ -33,7 +33,7 @@ from nerfnav.planner import (
 from nerfnav.robots import Motion, NoiseModel
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summary_of
-from nerfnav_app.places.derived import build_occupancy, planning_robot, prepare_place
+from nerfnav_app.places.derived import build_occupancy, planning_robot, prepare_route
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.place import Place
@@ -55,8 +55,10 @@ class PlanRequest:
     config: PlannerConfig | None = None
     """Its settings; None: its own."""
     again: PlannerConfig | None = None
-    """Its settings when it replans in flight; None: the above with the risk of noise, or with room for it. Their
-    weight of risk is that of the first plan too."""
+    """Its settings when it replans in flight; None: the above with the risk of noise, or with room for it, or by the
+    paper's cost the above. Their weight of risk is that of the first plan too."""
+    paper_cost: bool = False
+    """Minimise the paper's Eq. 2 alone: no noise model, no room for noise, no choice of headings."""
     flight: NavigateConfig = field(default_factory=NavigateConfig)
     """Configuration of the flight that the plan is for, its noise among it."""
     world: WorldName = "paper"
@@ -94,7 +96,22 @@ class PlanRequest:
     @property
     def flight_settings(self) -> PlannerConfig:
         """Settings with the weight of risk that the plans of a flight have."""
-        return planners.load(self.planner).first_in_flight(self.settings, self.again)
+        return planners.load(self.planner).first_in_flight(self.settings, self.replan_settings)
+
+    @property
+    def height(self) -> float:
+        """Height of the start [m], which a robot on the ground keeps."""
+        return self.ends.start.position[2]
+
+    @property
+    def navigate_config(self) -> NavigateConfig:
+        """Configuration of the flight; by the paper's cost no heading is chosen for what the camera sees."""
+        return replace(self.flight, in_sight=0.0) if self.paper_cost else self.flight
+
+    @property
+    def replan_settings(self) -> PlannerConfig | None:
+        """Settings with which the planner replans in flight; None: the planner's own."""
+        return self.settings if self.again is None and self.paper_cost else self.again
 
     def lasting(self, seconds: float) -> "PlanRequest":
         """The same in a given time [s], cut into whole steps of about dt. Raises InvalidInputError for none."""
@@ -110,7 +127,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     with.
     """
     given, request = request.ends, replace(request, ends=put_on_ground(place, request.ends, request.unknown))
-    planning = prepare_place(place, request.unknown)
+    planning = prepare_route(place, request.unknown, request.height)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
     steps, planned, worked_s = plan_steps(request, place), None, 0.0
@@ -137,19 +154,19 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 
 def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
     """Estimate the risk of a flight of the request by its plan."""
-    field, robot = prepare_place(place, request.unknown).field, planning_robot(place.robot, request.world)
-    flight = request.flight
+    field = prepare_route(place, request.unknown, request.height).field
+    flight, robot = request.flight, planning_robot(place.robot, request.world)
     probability = collision_probability(field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m)
     return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
 
 
 def make_planner(request: PlanRequest, place: Place) -> tuple[Planner, SafetyFilter | None]:
     """Make the planner of the request's flight, which makes its first plan too, and the safety filter."""
-    planning = prepare_place(place, request.unknown)
-    occupancy = build_occupancy(planning, request.settings.occupancy, request.ends.start.position[2])
+    planning = prepare_route(place, request.unknown, request.height)
+    occupancy = build_occupancy(planning, request.settings.occupancy, request.height)
     return build_safe_planner(
         planners.load(request.planner), planning.field, occupancy.remembering(),
-        planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.again,
+        planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.replan_settings,
     )  # fmt: skip
 
 
@@ -161,13 +178,15 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     planner, _ = make_planner(request, place)
     if request.draft:
         return (yield from _draft(request, planner))
-    planning, robot = prepare_place(place, request.unknown), planning_robot(place.robot, request.world)
+    planning, robot = prepare_route(place, request.unknown, request.height), planning_robot(place.robot, request.world)
     route = Route(request.ends.start.state(), request.ends.goal.state(), request.steps, request.dt)
-    objective = make_yaw_objective(place.field, planning.field, robot, place.robot.mount, request.flight.in_sight)
+    objective = make_yaw_objective(
+        place.field, planning.field, robot, place.robot.mount, request.navigate_config.in_sight
+    )
     problem = PlanProblem(
         planning.field, robot, route.start, route.goal, route.steps, route.dt, noise=NoiseModel(request.flight.noise)
     )
-    occupancy = build_occupancy(planning, request.settings.occupancy, request.ends.start.position[2])
+    occupancy = build_occupancy(planning, request.settings.occupancy, request.height)
     settings = request.flight_settings
     longest_dt = request.dt if request.keep_dt else None
     timing = estimate_flight_time(problem, occupancy, settings, longest_dt) if request.shortest else None

@@ -2,7 +2,7 @@
 
 The floor is the first surface below the robot in the field as it was learned: what lies under that surface may be
 unproven. It must carry nearly the whole footprint, and be as level as the field resolves. A robot stands some voxels
-above it, for the haze on a surface counts as solid.
+above it, for the haze on a surface counts as solid. On its way it has floor below it too: see `close_holes`.
 """
 
 import math
@@ -13,7 +13,8 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from nerfnav.field import Field
+from nerfnav.field import Field, VoxelField
+from nerfnav.field.core.occupancy import SOLID_RAW, raw_of
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.space.occupancy import dense_at
 from nerfnav.planner.space.regions import GAPS
@@ -130,6 +131,33 @@ def settle_ends(
     return first, replace(last, state=goal, footing=Footing.OTHER_LEVEL, other=first.floor)
 
 
+@torch.no_grad()
+def close_holes(field: Field, robot: Robot, height: float) -> Field:
+    """Fill holes of the floor over the height of a robot that drives with its middle at a height [m].
+
+    `field` is the one to plan in: where it has nothing solid within a step below the robot, nor the bottom of its box,
+    the robot would fall, and the field returned is solid. It is the given one for robots that fly, for a floor without
+    holes, and for fields that are no dense grid, of which the ends alone are judged.
+    """
+    if not robot.planar or not isinstance(field, VoxelField):
+        return field
+    half, border = 0.5 * robot.body.extents[2], float(field.box.lower[2])
+    rise = float(field.spacing[2])
+    bottom = height - half - border
+    if bottom <= _STANDING * rise:
+        return field
+    raw = field.values[..., 0]
+    first, last = (max(0, math.floor(level / rise)) for level in (bottom - (_HIGHEST + _UNEVEN) * rise, bottom))
+    solid = (raw[..., first : last + 1] > raw_of(scales_of(field, robot.body).threshold)).any(-1)
+    # the edge of a hole carries as much of a robot as an end may have beyond it; a node alone is none
+    hole = torch.nn.functional.max_pool2d(solid[None].float(), 3, stride=1, padding=1)[0] == 0
+    if not bool(hole.any()):
+        return field
+    values, top = field.values.clone(), math.ceil((bottom + 2 * half) / rise)
+    values[..., 0][hole, last : top + 1] = SOLID_RAW
+    return replace(field, values=values)
+
+
 def _flying(state: RigidState) -> Support:
     return Support(state, Footing.NOT_JUDGED, math.nan, 0.0, 1.0)
 
@@ -163,10 +191,10 @@ class _Ground:
             return Support(state, Footing.NOT_JUDGED, math.nan, 0.0, 0.0)
         bottom, lowest = middle - self.half, float(box.lower[2])
         reach = (_HIGHEST + _UNEVEN) * self.grain
-        near = self._support(state, self._tops(state, bottom, max(lowest, bottom - reach)), bottom - lowest)
+        near = self._support(state, self._tops(state, bottom, reach), bottom - lowest)
         if near.share >= _CARRIED and _TOUCHING < bottom - near.floor <= _STANDING * self.grain:
             return replace(near, footing=Footing.STANDS)
-        below = self._support(state, self._tops(state, middle, lowest), bottom - lowest)
+        below = self._support(state, self._tops(state, middle), bottom - lowest)
         if math.isnan(below.floor):
             return replace(below, footing=Footing.IN_THE_AIR)
         if below.floor >= middle - _TOUCHING:
@@ -213,14 +241,24 @@ class _Ground:
         level = np.abs(tops - floor) <= _UNEVEN * self.grain
         return Support(state, Footing.NOT_JUDGED, floor, max(0.0, depth), float(level.mean()))
 
-    def _tops(self, state: RigidState, above: float, lowest: float) -> Float[np.ndarray, " spots"]:
-        """Find the first solid height from `above` down to `lowest` [m] at each spot of the footprint; NaN without."""
-        spots = self._spots(state)
+    def _tops(self, state: RigidState, above: float, reach: float = math.inf) -> Float[np.ndarray, " spots"]:
+        """Find the first solid height from `above` down to `reach` below it [m] at each spot of the footprint; NaN
+        without.
+
+        A box may be cropped at the floor: its bottom, below which planners take all for solid, is floor at the other
+        spots too where some of them have the floor there, and right below the robot where none has any.
+        """
+        border = float(self.field.box.lower[2])
+        lowest, spots = max(border, above - reach), self._spots(state)
         count = max(2, math.ceil((above - lowest) / (0.5 * self.grain)) + 1)
         z = torch.linspace(above, lowest, count)
         points = torch.cat([spots[:, None].expand(-1, count, 2), z.expand(len(spots), count)[..., None]], -1)
         solid = dense_at(self.matter, points, self.threshold).numpy().astype(bool)
-        return np.where(solid.any(-1), z.numpy()[solid.argmax(-1)], np.nan)
+        tops = np.where(solid.any(-1), z.numpy()[solid.argmax(-1)], np.nan)
+        found = tops[np.isfinite(tops)]
+        gap = state.position[2].item() - self.half - border
+        cropped = np.median(found) - border <= self.grain if len(found) else gap <= _STANDING * self.grain
+        return np.where(np.isnan(tops), border, tops) if cropped else tops
 
     def _spots(self, state: RigidState) -> Float[torch.Tensor, "spots 2"]:
         """Spread spots about a voxel apart over the footprint, its edges included."""

@@ -9,7 +9,7 @@ import pytest
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import save_field
-from nerfnav.planner import PlanStep
+from nerfnav.planner import PlanOutcome, PlanResult, PlanStep
 from nerfnav.robots import load
 from nerfnav_app.cli.main import main
 from nerfnav_app.jobs.fly import fly
@@ -19,6 +19,7 @@ from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.places.place import Place
 from tests.app.following import followed
 from tests.planner.grounds import FLOOR_M, hall
+from tests.planner.objective.test_default_ends import field_of
 
 Capture = pytest.CaptureFixture[str]
 HALF = 0.5 * load("diffdrive").body.extents[2]
@@ -93,3 +94,16 @@ def test_both_jobs_refuse_a_hole_before_they_begin(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="in the air at the goal"):
         next(fly.run(FlyRequest(route, out=tmp_path / "fly"), HALL))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("draft", [True, False])
+def test_a_robot_on_the_ground_drives_over_a_bridge_and_not_through_the_trench_beside_it(draft: bool) -> None:
+    before, beyond = ((-2, -2, -1), (0.3, 2, FLOOR_M)), ((0.8, -2, -1), (2, 2, FLOOR_M))
+    bridged = field_of(((-1.5, -1, 0), (1.5, 1, 1)), before, beyond, ((0.2, 0.2, -1), (0.9, 0.8, FLOOR_M)))
+    request = plan.PlanRequest(Ends(End((-0.3, -0.4, 0.17)), End((1.2, -0.5, 0.17))), shortest=True, draft=draft)
+    events, _ = followed(plan.run(request, replace(HALL, field=bridged)))
+    found = [event for event in events if isinstance(event, PlanResult)][-1]
+    over = [y for x, y, _ in found.motion.states.position.tolist() if 0.3 < x < 0.8]
+    assert found.outcome is PlanOutcome.CONVERGED and over and all(0.2 < y < 0.8 for y in over)
+    events, _ = followed(plan.run(request, HALL))
+    assert [event for event in events if isinstance(event, PlanResult)][-1].outcome is PlanOutcome.NO_PATH

@@ -7,11 +7,14 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.field import Field, UnknownSpace, load_field, planning_field
+from nerfnav.field.edit.crop import crop_field
 from nerfnav.field.models.analytic import BallsField
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import Box
-from nerfnav.planner import Footing, Support, fits, settle_ends, settle_on_ground
+from nerfnav.planner import Footing, Support, close_holes, fits, settle_ends, settle_on_ground
 from nerfnav.robots import RigidState, load
 from tests.planner.grounds import FLOOR_M, TABLE_M, hall
+from tests.planner.objective.test_default_ends import field_of
 
 HALL = hall()
 CART = load("diffdrive")
@@ -105,6 +108,46 @@ def test_a_goal_on_the_table_is_refused_from_the_floor() -> None:
     assert start.footing is Footing.MOVED and goal.footing is Footing.OTHER_LEVEL
     problem = goal.problem("diffdrive", "goal")
     assert problem is not None and "move one of them" in problem and goal.other == start.floor
+
+
+def cropped(lowest: float) -> VoxelField:
+    """The hall as a box that is cut off at a height [m]."""
+    field = crop_field(HALL, Box(torch.tensor([-1.5, -1.0, lowest]), HALL.box.upper))
+    assert isinstance(field, VoxelField)
+    return field
+
+
+@pytest.mark.parametrize("lowest", [FLOOR_M - VOXEL, FLOOR_M, FLOOR_M + VOXEL])
+def test_a_robot_stands_on_the_bottom_of_a_box_that_is_cropped_at_the_floor(lowest: float) -> None:
+    standing = stand((-0.3, -0.4, 0.5)).state
+    field = cropped(lowest)
+    support = settle_on_ground(field, field, CART, standing)
+    assert support.footing is Footing.STANDS and support.state is standing and fits(field, CART.body, standing)
+
+
+def test_a_hole_is_closed_at_the_height_of_a_robot_that_drives_and_its_edge_is_not() -> None:
+    height = stand((-0.3, -0.4, 0.5)).state.position[2].item()
+    closed = close_holes(HALL, CART, height)
+    for x, floor in ((0.25, True), (0.4, False), (0.7, False), (0.85, True)):
+        point = torch.tensor([[x, -0.4, height]])
+        assert (closed.density(point).item() < 1) is floor, x
+        assert HALL.density(point).item() < 1
+    assert not fits(closed, CART.body, RigidState.at_rest((0.55, -0.4, height)))
+    beside = RigidState.at_rest((-0.3, -0.4, height))
+    assert fits(closed, CART.body, beside) and closed.box == HALL.box
+
+
+@pytest.mark.parametrize("floored", [cropped(FLOOR_M), field_of(((-1, -1, 0), (1, 1, 1)), ((-2, -2, -1), (2, 2, 0.1)))])
+def test_a_floor_without_holes_and_a_robot_that_flies_leave_the_field_as_it_is(floored: VoxelField) -> None:
+    assert close_holes(floored, CART, 0.17) is floored
+    assert close_holes(HALL, load("quadrotor"), 0.17) is HALL
+
+
+def test_a_robot_on_a_table_does_not_drive_over_its_edge() -> None:
+    height = stand((-1.0, 0.5, 0.9)).state.position[2].item()
+    closed = close_holes(HALL, CART, height)
+    assert fits(closed, CART.body, RigidState.at_rest((-1.0, 0.6, height)))
+    assert not fits(closed, CART.body, RigidState.at_rest((-0.4, 0.6, height)))
 
 
 def test_robots_that_fly_stay_where_they_are() -> None:

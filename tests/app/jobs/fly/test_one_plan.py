@@ -8,7 +8,7 @@ import torch
 
 from nerfnav.navigation.episode import NavigationStep
 from nerfnav.navigation.flight import NavigateConfig
-from nerfnav.planner import FastPlanConfig, PlanResult, PlanStep
+from nerfnav.planner import PlanResult, PlanStep
 from nerfnav.robots import Motion, StateNoise
 from nerfnav_app.jobs.fly.fly import run as fly
 from nerfnav_app.jobs.fly.request import FlyRequest
@@ -18,7 +18,7 @@ from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
 
 ENDS = Ends(End((-0.6, -0.3, 0.5)), End((0.6, -0.2, 0.5)))
-PAPER_COST = PlanRequest(ENDS, again=FastPlanConfig(), flight=NavigateConfig(in_sight=0.0))
+PAPER_COST = PlanRequest(ENDS, paper_cost=True)
 ROUTES = {
     "task": PlanRequest(ENDS),
     "shortest": PlanRequest(ENDS, shortest=True),
