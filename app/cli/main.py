@@ -8,6 +8,7 @@ import importlib
 import io
 import math
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from typing import Any
 import tyro
 
 from nerfnav import __version__
-from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, InvalidNumberError, NerfnavError, UnknownNameError
 from nerfnav.core.renamed import replace_old_options
 from nerfnav_app.cli.help import ALL, HELP, format_help
 from nerfnav_app.system import importing, use_one_blas_thread
@@ -66,7 +67,8 @@ def main(words: Sequence[str] | None = None) -> int:
             command.run(arguments)
         sys.stdout.flush()
     except NerfnavError as error:
-        print(f"nerfnav: {error}", file=sys.stderr)
+        message = name_option(error, words) if isinstance(error, InvalidNumberError) else error
+        print(f"nerfnav: {message}", file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:  # the reader, such as `head`, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
@@ -129,6 +131,14 @@ def require_finite(arguments: Any, prefix: str = "--", nested: str = "") -> None
             raise InvalidInputError(f"{name} must be a finite number, not {value}")
 
 
+def name_option(error: InvalidNumberError, words: Sequence[str]) -> InvalidNumberError:
+    """Name the option as it was typed in place of its field; the field stays where none, or several have its name."""
+    options = {word.partition("=")[0] for word in words if word.startswith("--")}
+    field = error.name.replace("_", "-")
+    named = [option for option in options if option.removeprefix("--").rpartition(".")[2] == field]
+    return InvalidNumberError(named[0], error.wanted, error.number) if len(named) == 1 else error
+
+
 def _command_of(words: Sequence[str]) -> tuple[str, ModuleType, list[str]]:
     """Name and module of the subcommand, and the words after it."""
     name, rest = ("serve", words) if not words or words[0].startswith("-") else (words[0], words[1:])
@@ -149,4 +159,9 @@ def _first_paragraph(box: str) -> str:
     lines = [line.strip("│| ") for line in box.splitlines() if not line.startswith(("╭", "╰", "+"))]
     paragraphs = "\n".join("" if set(line) <= set("─-") else line for line in lines).split("\n\n")
     titled = not box.startswith("╭")  # frames of plain letters have their title inside
-    return " ".join(paragraphs[titled].split()).removesuffix(".")
+    return re.sub(r"(?<=one of )\((.*)\)", _list_choices, " ".join(paragraphs[titled].split()).removesuffix("."))
+
+
+def _list_choices(found: re.Match[str]) -> str:
+    """List the choices of an option in a lasting order, without the None of one that need not be given."""
+    return ", ".join(sorted(set(re.findall(r"'(.*?)'", found[1])) - {"None"}))

@@ -15,6 +15,18 @@ class InvalidInputError(NerfnavError):
     """A value that cannot be worked with: NaN, a wrong shape, an empty range."""
 
 
+class InvalidNumberError(InvalidInputError):
+    """A number out of its range. The command line names the option where the message names the field."""
+
+    def __init__(self, name: str, wanted: str, number: float) -> None:
+        """Say what the field called `name` must be in place of `number`."""
+        super().__init__(name, wanted, number)
+        self.name, self.wanted, self.number = name, wanted, number
+
+    def __str__(self) -> str:
+        return f"{self.name} must be {self.wanted}, not {self.number:g}"
+
+
 class UnknownNameError(NerfnavError):
     """A name that is not among the known ones, which the message lists."""
 
@@ -57,21 +69,21 @@ class MissingExtraError(NerfnavError):
 
 
 def require_positive(**numbers: float | None) -> None:
-    """Raise InvalidInputError, which names it, for a number that is not finite and above 0; None passes."""
+    """Raise InvalidNumberError, which names it, for a number that is not finite and above 0; None passes."""
     _require(numbers, lambda number: 0 < number < math.inf, "a number above 0")
 
 
 def require_not_negative(**numbers: float | None) -> None:
-    """Raise InvalidInputError, which names it, for a number that is not finite and at least 0; None passes."""
+    """Raise InvalidNumberError, which names it, for a number that is not finite and at least 0; None passes."""
     _require(numbers, lambda number: 0 <= number < math.inf, "a number, at least 0")
 
 
 def require_probability(**numbers: float | None) -> None:
-    """Raise InvalidInputError, which names it, for a number not above 0 and at most 1; None passes."""
+    """Raise InvalidNumberError, which names it, for a number not above 0 and at most 1; None passes."""
     _require(numbers, lambda number: 0 < number <= 1, "a probability, above 0 and at most 1")
 
 
 def _require(numbers: Mapping[str, float | None], is_valid: Callable[[float], bool], wanted: str) -> None:
     for name, number in numbers.items():
         if number is not None and not is_valid(number):
-            raise InvalidInputError(f"{name} must be {wanted}, not {number:g}")
+            raise InvalidNumberError(name, wanted, number)

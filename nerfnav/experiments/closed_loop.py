@@ -49,7 +49,13 @@ def trials_of(study: Study) -> list[FlightTrial]:
     flights = study.flights
     return [
         FlightTrial(
-            _task(study, index), study.seed + index, known, flights.world, flights.risk, flights.robot, flights.fly_on
+            _task(study, index),
+            study.seed + index,
+            known,
+            flights.world,
+            flights.risk_weight,
+            flights.robot,
+            flights.fly_on,
         )
         for index in range(study.trials or _TRIALS)
         for known in ((False, True) if flights.truth else (False,))

@@ -18,7 +18,7 @@ class FlightOptions:
     """The tasks of the place in turn, ends drawn at random, or the two by turns."""
     world: WorldName = "paper"
     """The paper's noise, or the physical world, in which other robots than quadrotors do not fly."""
-    risk: float | None = None
+    risk_weight: float | None = None
     """Cost of a collision by noise [J], as of `nerfnav fly --risk-weight`; None: the default of flights."""
     truth: bool = False
     """Fly each flight a second time with the state known: the cost of the noise alone."""
@@ -29,5 +29,5 @@ class FlightOptions:
     """Fly on after a contact, which is counted, as the paper's evaluation does; else a contact ends the flight."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError for a risk that is no weight."""
-        require_not_negative(risk=self.risk)
+        """Raise InvalidInputError for a weight of risk below 0."""
+        require_not_negative(risk_weight=self.risk_weight)

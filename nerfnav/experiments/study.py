@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import torch
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, InvalidNumberError
 from nerfnav.core.extras import import_extra
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import Figure
@@ -91,7 +91,7 @@ class Study:
         for name in ("trials", "jobs"):
             number = getattr(self, name)
             if number is not None and number < 1:
-                raise InvalidInputError(f"{name} must be 1 or more, not {number}")
+                raise InvalidNumberError(name, "1 or more", number)
 
     def first(self, entries: Sequence[Entry], what: str) -> Sequence[Entry]:
         """As many of the entries as trials were asked for. Raises InvalidInputError where there are fewer."""

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import require_not_negative
 
 
 @runtime_checkable
@@ -40,8 +40,7 @@ class StateNoise:
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError unless all four are finite and at least 0."""
-        if not all(0 <= value < float("inf") for value in self.deviations):
-            raise InvalidInputError(f"standard deviations must be finite and at least 0, not {self.deviations}")
+        require_not_negative(**vars(self))
 
     @classmethod
     def isotropic(cls, variance: float) -> "StateNoise":

@@ -230,7 +230,7 @@ def test_the_duration_can_be_given_or_found(field_file: Path, capsys: Capture) -
     found = printed([*words, "auto"], capsys)
     assert found["duration_s"] < 2
     assert not any(limit["violated"] for limit in found["limits"].values())
-    assert "duration must be a number above 0" in refused([*words, "-1"], capsys)
+    assert ": --duration must be a number above 0" in refused([*words, "-1"], capsys)
 
 
 def test_a_bound_that_cannot_be_met_is_said_to_be_missed_by_how_much(field_file: Path, capsys: Capture) -> None:
@@ -338,13 +338,19 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
         (["plan", "stonehenge", *FROM, *TO, "--task", "1"], "give either --task, or both --start and --goal"),
         (["plan", "stonehenge", *FROM, "--goal", "nan", "0", "0.2"], "finite numbers, not of nan 0 0.2"),
         (["plan", "stonehenge", "--dt", "nan"], "--dt must be a finite number, not nan"),
-        (["plan", "stonehenge", "--dt", "-1"], "dt must be a number above 0, not -1"),
+        (["plan", "stonehenge", "--dt", "-1"], "nerfnav: --dt must be a number above 0, not -1"),
+        (["plan", "stonehenge", "--max-collision=2"], ": --max-collision must be a probability, above 0 and at most 1"),
+        (["plan", "stonehenge", "--newton.iterations", "0"], ": --newton.iterations must be a number above 0, not 0"),
+        (["fly", "stonehenge", "--noise.position-m", "-1"], ": --noise.position-m must be a number, at least 0"),
+        (["fly", "stonehenge", "--recovery.turn", "-1"], ": --recovery.turn must be a number, at least 0"),
+        (["fly", "stonehenge", "--plan.newton.iterations", "0", "--replan.newton.iterations", "9"],
+         "nerfnav: iterations must be a number above 0, not 0"),
         (["plan", "stonehenge", "--steps", "2"], "a quadrotor needs at least 4 steps"),
         (["plan", "stonehenge", "--weights.control", "inf"], "--weights.control must be a finite number"),
         (["plan", "stonehenge", "--start", "9", "0", "0.2", *TO], "outside the field, which spans x -1.30 to 1.30"),
         (["plan", "stonehenge", *FROM, *TO, "--bogus"], "Unrecognized options: --bogus"),
         (["train", "blocks"], "Missing from nerfnav train: --out"),
-        (["train", "blocks", "--out", "x.npz", "--budget", "0"], "budget must be a number above 0, not 0"),
+        (["train", "blocks", "--out", "x.npz", "--budget", "0"], ": --budget must be a number above 0, not 0"),
         (["train", "blocks", "--out", "x.npz", "--images", "3"], "images must be at least 10"),
         (["train", "blocks", "--out", "x.npz", "--images", "10", "--voxel", "1e-4"], "choose a larger --voxel"),
         (["export", "missing", "--format", "csv", "--out", "x.csv"], "missing is not the folder of a run"),

@@ -28,7 +28,9 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
     [
         (["experiment", "nothing"], "there is no experiment named 'nothing'"),
         (["experiment", "planners", "--trials", "21"], "there are 20 tasks"),
-        (["experiment", "planners", "--jobs", "0"], "jobs must be 1 or more"),
+        (["experiment", "planners", "--jobs", "0"], "nerfnav: --jobs must be 1 or more, not 0"),
+        (["experiment", "flights", "--risk-weight", "-1"], "nerfnav: --risk-weight must be a number, at least 0"),
+        (["experiment", "flights", "--ends", "all"], "Expected one of both, random, tasks; see `nerfnav"),
         (["experiment", "planners", "--truth"], "takes no options of whole flights"),
         (["bench", "--place", "nowhere"], "'nowhere'"),
     ],

@@ -161,7 +161,7 @@ def exported_of(folder: Path, format: str, out: Path, of: str) -> dict:
     ("words", "told"),
     [
         (["--of", "executed"], "this plan was not flown, so the executed path does not exist: fly it"),
-        (["--of", "everything"], "invalid choice 'everything'"),
+        (["--of", "everything"], "'everything' for argument '--of'. Expected one of estimate, executed, plan; "),
         (["--smooth"], "--smooth is for an executed path or an estimate that a vehicle flies: leave it out"),
         (["--format", "html"], "html needs the executed path, and a plan has none: fly it"),
     ],
