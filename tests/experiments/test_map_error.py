@@ -27,6 +27,7 @@ def test_bundled_fields_know_it(name: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("assumed", [None, 2e-3])
 def test_it_is_the_same_whatever_the_flights_assume(assumed: float | None) -> None:
     place = arena("church")

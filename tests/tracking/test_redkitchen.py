@@ -27,7 +27,7 @@ def test_frames_between_those_that_a_field_learned_are_followed_and_their_covari
     told = json.loads((folder / "transforms.json").read_text())
     third = [{**frame, **_absolute(frame, folder)} for frame in told["frames"][::3]]
     (tmp_path / "transforms.json").write_text(json.dumps({**told, "frames": third}))
-    assert main(["train", str(tmp_path), "--out", str(tmp_path / "field.npz"), "--budget", "60", "--json"]) == 0
+    assert main(["train", str(tmp_path), "--out", str(tmp_path / "field.npz"), "--budget", "30", "--json"]) == 0
     field = load_field(tmp_path / "field.npz")
     assert len(field.info.pose_floor) == 36
     frame = Similarity.of_numbers(field.info.placed).inverted()

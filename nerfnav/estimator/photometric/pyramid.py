@@ -10,7 +10,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidNumberError
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.residuals import FieldCamera, Observation
 from nerfnav.field import Field, GridField
@@ -126,7 +126,7 @@ class PyramidConfig:
     def __post_init__(self) -> None:
         """Raise InvalidInputError for steps that would be shortened, or go back."""
         if not 1 <= self.stretch < math.inf:
-            raise InvalidInputError(f"stretch must be a number, at least 1, not {self.stretch:g}")
+            raise InvalidNumberError("stretch", "a number, at least 1", self.stretch)
 
     def stages(self, many: bool) -> list[Stage]:
         """Return all stages; the last but one leaves one pose, and each before the last is yielded as one step."""

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import viser
 
+from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.page.kit.theme import BELIEF, PLAN, TRUTH
 from nerfnav_app.page.layers.flight import FlightLayer
-from nerfnav_app.page.layers.plan import PlanStyle, choose_plan_style
+from nerfnav_app.page.layers.plan import PlanLayer, PlanStyle, choose_plan_style
 from nerfnav_app.page.panels.place.view_settings import ViewSettingsPanel
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.reducers.root import reduce
@@ -18,6 +19,7 @@ from nerfnav_app.state.actions import Adjust, Settings
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import CameraMode
 from tests.app.doubles import balls_place, plan_step, straight_motion
 from tests.export.flights import arrived
 from tests.waiting import free_port
@@ -81,3 +83,30 @@ def test_a_replay_shows_the_first_plan_from_its_first_step_on(server: viser.Vise
     assert session.flight is not None
     layer.show(replace(session, flight=session.flight.cut(0)))
     assert node(layer, "plan").visible and not node(layer, "executed").visible
+
+
+def visible(server: viser.ViserServer) -> set[str]:
+    """Names of the nodes of a layer that are drawn."""
+    handles = server.scene._handle_from_node_name.items()
+    return {name for name, handle in handles if name.count("/") > 1 and handle.visible}
+
+
+def test_the_robots_own_view_is_free_of_its_marks_and_keeps_the_lines(server: viser.ViserServer) -> None:
+    layer, session = FlightLayer(server), flown()
+    layer.show(session)
+    free = visible(server)
+    marks = {f"/flight/{name}" for name in ("attitude", "covariance", "means", "ghost", "robot")}
+    assert marks <= free
+    layer.show(reduce(session, Adjust(Settings.VIEW, "camera", CameraMode.ROBOT)))
+    assert visible(server) == free - marks and {"/flight/first_plan", "/flight/truth", "/flight/belief"} <= free
+    layer.show(session)
+    assert visible(server) == free
+
+
+def test_the_robots_own_view_is_free_of_the_bodies_along_a_plan(server: viser.ViserServer) -> None:
+    plan = PlanRecord(ENDS).with_step(plan_step(ENDS, 0, PlanOutcome.CONVERGED))
+    session, layer = Session("balls", place=balls_place(), ends=ENDS, plan=plan), PlanLayer(server)
+    layer.show(session)
+    assert {"/plan/bodies", "/plan/line"} <= visible(server)
+    layer.show(reduce(session, Adjust(Settings.VIEW, "camera", CameraMode.ROBOT)))
+    assert "/plan/bodies" not in visible(server) and "/plan/line" in visible(server)

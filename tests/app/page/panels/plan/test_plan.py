@@ -1,13 +1,18 @@
 """Numbers of the plan: its risk by value, and in flight those of the plan that is flown."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
+import pytest
+import viser
 
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobFinished, JobResult
 from nerfnav_app.page.kit.html import caution, fine, warning
 from nerfnav_app.page.kit.theme import HIT, readable
-from nerfnav_app.page.panels.plan.plan import OLD_GOAL, OLD_SETTINGS, describe, describe_flown
+from nerfnav_app.page.panels.plan.plan import OLD_GOAL, OLD_SETTINGS, PlanCharts, describe, describe_flown
 from nerfnav_app.page.panels.status.status import needs_confirmation, status
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.clearance import ClearanceQuery
@@ -17,6 +22,16 @@ from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.session import Session
 from tests.app.doubles import flight_step, plan_step
 from tests.app.sessions import after, planned, reports
+from tests.waiting import free_port
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
+    try:
+        yield server
+    finally:
+        server.stop()
 
 
 def planned_with(session: Session, **numbers: Any) -> Session:
@@ -40,6 +55,17 @@ def test_the_status_shows_the_probability_in_its_colour_and_the_bound_is_in_the_
         html = describe(session.plan, stale=False, planning=False)
         assert "Bound of Eq. 1" in html and "46 %" in html
     assert readable(HIT) in html, "40 % is red in the table too"
+
+
+def test_the_charts_name_their_units_and_a_tiny_risk_has_ticks_that_differ(server: viser.ViserServer) -> None:
+    charts = PlanCharts(server)
+    units = [line.meaning for chart in (charts._clearance, charts._risk) for line in chart._lines]
+    assert units == ["clearance [cm]", "bound of Eq. 1 by step [%]"]
+    scales = charts._risk._chart.scales
+    assert scales is not None
+    top = scales["y"]["range"]["max"]["soft"]  # type: ignore[typeddict-item, index]
+    ticks = np.linspace(0, top, 6)  # a fifth of the axis, and the page writes three decimals
+    assert len({f"{tick:.3f}" for tick in ticks}) == len(ticks)
 
 
 def test_a_plan_whose_risk_is_not_known_says_nothing_of_it(opened: Session) -> None:
