@@ -17,6 +17,7 @@ from nerfnav.estimator import Belief, ConsiderCovariance, Estimator, FastFilter,
 from nerfnav.field import GridField, UnknownSpace, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
+    LEVEL,
     CameraFunction,
     Episode,
     FlightRequest,
@@ -108,6 +109,7 @@ def fly(
         noise=config.noise,
         contact=None if scene is None else world.contact_check(scene, robot.body),
         box=problem.field.box,
+        level_contact=None if scene is None else world.level_contact_check(scene, robot.body, LEVEL),
     )
     request = FlightRequest(problem.goal, problem.steps, problem.dt)
     return run_steps(navigate(request, simulator, stack, config, torch.Generator().manual_seed(seed)))

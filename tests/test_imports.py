@@ -70,9 +70,10 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("detect",),
     ),
     "nerfnav.navigation": (
-        ("gust",),
+        ("gust", "supervisor_state"),
         ("fallback", "simulator", "supervisor"),
         ("episode", "flight"),
+        ("landing",),
         ("looking",),
         ("first_plan", "physical", "realtime"),
         ("loop",),

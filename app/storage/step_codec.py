@@ -2,7 +2,8 @@
 
 steps.jsonl     index, time [s], action, truth and belief as 18 numbers (position, velocity, rotation row by row, body
                 rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late,
-                gust_mps where there was a gust; index 0 also has the first plan, which versions before did not keep
+                gust_mps where there was a gust, transition where the supervisor's state changed; index 0 also has the
+                first plan, which versions before did not keep
 pictures/       the camera's picture of each step as JPEG
 
 Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
@@ -18,7 +19,7 @@ from torch import Tensor
 
 from nerfnav.estimator import Belief
 from nerfnav.geometry import encode_image
-from nerfnav.navigation import EpisodeOutcome, NavigationStep, SupervisorState
+from nerfnav.navigation import EpisodeOutcome, NavigationStep, StateChange, SupervisorAction
 from nerfnav.robots import Motion, RigidState
 
 FILE, PICTURES = "steps.jsonl", "pictures"
@@ -44,7 +45,10 @@ def encode_step(step: NavigationStep) -> dict[str, Any]:
         "recovery": None if step.recovery is None else step.recovery.name.lower(),
         "late": step.late,
         **first,
-    } | ({} if step.gust_mps is None else {"gust_mps": step.gust_mps})
+    } | {
+        **({} if step.gust_mps is None else {"gust_mps": step.gust_mps}),
+        **({} if step.change is None else {"transition": step.change.to_json()}),
+    }
 
 
 def keep_picture(folder: Path, image: Tensor, index: int) -> str:
@@ -58,7 +62,7 @@ def keep_picture(folder: Path, image: Tensor, index: int) -> str:
 def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
     """A step as it was written, with its picture where `folder` is given."""
     action, first = content["action"], content.get("first_plan")
-    outcome, recovery = content["outcome"], content["recovery"]
+    outcome, recovery, transition = content["outcome"], content["recovery"], content.get("transition")
     return NavigationStep(
         index=int(content["index"]),
         time=float(content["time"]),
@@ -72,7 +76,8 @@ def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         filter_ms=float(content["filter_ms"]),
         replan_ms=float(content["replan_ms"]),
         outcome=None if outcome is None else EpisodeOutcome[outcome.upper()],
-        recovery=None if recovery is None else SupervisorState[recovery.upper()],
+        change=None if transition is None else StateChange.from_json(transition),
+        recovery=None if recovery is None else SupervisorAction[recovery.upper()],
         late=bool(content.get("late", False)),
         gust_mps=content.get("gust_mps"),
         first_plan=None if first is None else _decode_motion(first),

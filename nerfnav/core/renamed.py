@@ -74,7 +74,7 @@ NAMES: dict[str, str] = {
     "nerfnav.navigation.Mission": "nerfnav.navigation.FlightRequest",
     "nerfnav.navigation.Orders": "nerfnav.navigation.OperatorRequests",
     "nerfnav.navigation.Pilot": "nerfnav.navigation.NavigationStack",
-    "nerfnav.navigation.Recovery": "nerfnav.navigation.SupervisorState",
+    "nerfnav.navigation.Recovery": "nerfnav.navigation.SupervisorAction",
     "nerfnav.navigation.guarded": "nerfnav.navigation.build_safe_planner",
     "nerfnav.navigation.with_late_pictures": "nerfnav.navigation.compensate_latency",
     "nerfnav.planner.DangerMap": "nerfnav.planner.CollisionMap",

@@ -23,14 +23,13 @@ from nerfnav.experiments.closed_loop_flight import FlightTrial, find_task, fly_p
 from nerfnav.experiments.estimation import errors_of
 from nerfnav.experiments.figures import COLORS, Figure, draw_distribution, panels
 from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
-from nerfnav.navigation import EpisodeOutcome, NavigateConfig, NavigationStep
+from nerfnav.navigation import EpisodeOutcome, NavigateConfig, NavigationStep, SupervisorState, is_silent
 from nerfnav.robots import Quadrotor, RigidState, load
 from nerfnav.world import Task
 
 _TRIALS = 100
 REFUSED = "refused"
 """Outcome where the field has something dense at an end."""
-_OFF, _IN_A_ROW = 0.05, 3
 
 
 def run(study: Study) -> ExperimentSteps:
@@ -100,13 +99,14 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
 
 def steps_of(flown: Sequence[NavigationStep]) -> Row:
     """Lists over the time steps after the start: errors [m], NEES, truth inside the 95 % ellipsoid of position, robot
-    holds, and times [ms]."""
+    holds, supervisor is TRACKING, and times [ms]."""
     errors = [errors_of(step.belief, step.truth) for step in flown[1:]]
     return {
         "position_m": [error["position_m"] for error in errors],
         "nees": [error["nees"] for error in errors],
         "inside_95": [error["inside_95"] for error in errors],
         "holds": [step.holds for step in flown[1:]],
+        "tracking": [step.state is SupervisorState.TRACKING for step in flown[1:]],
         "filter_ms": [step.filter_ms for step in flown[1:]],
         "replan_ms": [step.replan_ms for step in flown[1:]],
         "step_ms": [step.filter_ms + step.replan_ms for step in flown[1:]],
@@ -127,7 +127,7 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
         "position_p95_m": quantile(steps["position_m"], 0.95),
         "nees_mean": mean(steps["nees"]),
         "inside_95": mean(steps["inside_95"]),
-        "silent": is_silent(steps),
+        "silent": is_silent(steps["position_m"], steps["inside_95"], steps["tracking"]),
         "held": sum(steps["holds"]),
         **times_of(steps),
     }
@@ -149,16 +149,6 @@ def times_of(steps: Row) -> Row:
         for name in ("filter", "replan", "step")
         for what, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))
     }
-
-
-def is_silent(steps: Row) -> bool:
-    """Silent divergence: for three time steps in a row the estimated position is more than 5 cm off, the truth is
-    outside the belief's 95 % ellipsoid, and the robot does not hold."""
-    wrong = [
-        off > _OFF and not inside and not holds
-        for off, inside, holds in zip(steps["position_m"], steps["inside_95"], steps["holds"], strict=True)
-    ]
-    return any(all(wrong[first : first + _IN_A_ROW]) for first in range(len(wrong) - _IN_A_ROW + 1))
 
 
 def mean(values: Sequence[float]) -> float | None:

@@ -28,6 +28,7 @@ from nerfnav.experiments.arena import Arena, make_renderer, make_searcher
 from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.geometry import Pose
 from nerfnav.navigation import (
+    LEVEL,
     WORLDS,
     FlightRequest,
     FlightStep,
@@ -54,7 +55,7 @@ from nerfnav.planner import (
 )
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.robots import Quadrotor, RigidState, Robot, StateNoise
-from nerfnav.world import Task, contact_check
+from nerfnav.world import Task, contact_check, level_contact_check
 
 KNOWN = StateNoise.isotropic(1e-8)
 """Standard deviations of an exact belief: not zero, for covariances are inverted."""
@@ -197,6 +198,7 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     contact = contact_check(arena.scene, robot.body)
     simulator = world.simulate(Simulator(
         robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact, box=problem.field.box,
+        level_contact=level_contact_check(arena.scene, robot.body, LEVEL),
     ))  # fmt: skip
     if trial.known:
         config = replace(config, initial=KNOWN)

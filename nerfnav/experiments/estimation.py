@@ -18,14 +18,13 @@ from nerfnav.experiments.arena import Arena, make_renderer, per_arena, take_pict
 from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, fast_filter, fly_disturbed, run_over_flights
 from nerfnav.experiments.figures import COLORS, Figure, panels
 from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study
+from nerfnav.navigation import ELLIPSOID_95
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState, StateNoise
 
 METHODS = ("nerfnav", "inerf")
 """Contenders: the fast filter, and dynamically-informed iNeRF."""
 ERRORS = {"position_m": POSITION, "rotation_rad": ATTITUDE, "velocity_mps": VELOCITY, "rate_radps": BODY_RATE}
 """Parts of the error, the length of each."""
-_ELLIPSOID_95 = 7.815
-"""95 % of a chi-squared of three numbers."""
 
 
 def errors_of(belief: Belief, truth: RigidState) -> Row:
@@ -38,7 +37,7 @@ def errors_of(belief: Belief, truth: RigidState) -> Row:
         return (part @ torch.linalg.solve(covariance[index][:, index], part)).item()
 
     return {name: error[part].norm().item() for name, part in ERRORS.items()} | {
-        "nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": nees([0, 1, 2]) < _ELLIPSOID_95,
+        "nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": nees([0, 1, 2]) < ELLIPSOID_95,
     }  # fmt: skip
 
 

@@ -1,8 +1,10 @@
+from .episode import ELLIPSOID_95 as ELLIPSOID_95
 from .episode import Episode as Episode
 from .episode import EpisodeOutcome as EpisodeOutcome
 from .episode import FlightStep as FlightStep
 from .episode import Iteration as Iteration
 from .episode import NavigationStep as NavigationStep
+from .episode import is_silent as is_silent
 from .fallback import SafetyFilter as SafetyFilter
 from .fallback import build_safe_planner as build_safe_planner
 from .first_plan import estimate_flight_time as estimate_flight_time
@@ -13,6 +15,7 @@ from .flight import NavigationStack as NavigationStack
 from .flight import OperatorRequests as OperatorRequests
 from .gust import GustStrength as GustStrength
 from .gust import fit_gust as fit_gust
+from .landing import LEVEL as LEVEL
 from .looking import make_yaw_objective as make_yaw_objective
 from .loop import navigate as navigate
 from .physical.config import PhysicalConfig as PhysicalConfig
@@ -23,4 +26,6 @@ from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator
 from .simulator import world_generator as world_generator
-from .supervisor import SupervisorState as SupervisorState
+from .supervisor_state import StateChange as StateChange
+from .supervisor_state import SupervisorAction as SupervisorAction
+from .supervisor_state import SupervisorState as SupervisorState

@@ -23,7 +23,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import replace_file, write_npz
 from nerfnav.estimator import Belief, FilterOutcome, FilterResult, FilterStep, RelocaliseResult, RelocaliseStep
 from nerfnav.navigation.fallback import FallbackTrajectory
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor_state import StateChange, SupervisorAction, SupervisorState, state_after
 from nerfnav.planner import PlanStep
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
@@ -31,6 +31,10 @@ from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 _STATE = tuple(field.name for field in fields(RigidState))
 FORMAT, VERSION = "nerfnav episode", 1
 """Format and version in episode.json."""
+ELLIPSOID_95 = 7.815
+"""Square of the radius of the 95 % ellipsoid of position: chi-squared of 3 numbers."""
+_OFF_M, _IN_A_ROW = 0.05, 3
+"""Error [m] and number of time steps in a row of a silent divergence."""
 
 
 class EpisodeOutcome(Enum):
@@ -39,6 +43,7 @@ class EpisodeOutcome(Enum):
     REACHED = "the robot is at the goal"
     COLLIDED = "the robot touched the ground-truth mesh"
     OUTSIDE = "the robot left the field's box"
+    LOST = "the robot was lost, and its supervisor ended the flight"
     DIVERGED = "the filter lost the robot"
     TIMEOUT = "the goal was not reached in time"
     NO_PLAN = "no plan leads to the goal"
@@ -48,7 +53,7 @@ class EpisodeOutcome(Enum):
     @property
     def is_mishap(self) -> bool:
         """True where no vehicle should repeat the flight: the robot hit something, left the place, or was lost."""
-        return self in (EpisodeOutcome.COLLIDED, EpisodeOutcome.OUTSIDE, EpisodeOutcome.DIVERGED)
+        return self in (EpisodeOutcome.COLLIDED, EpisodeOutcome.OUTSIDE, EpisodeOutcome.LOST, EpisodeOutcome.DIVERGED)
 
 
 @dataclass(frozen=True)
@@ -82,8 +87,10 @@ class NavigationStep:
     """Outcome of the flight where it ends here; None while it goes on."""
     restart: Restart | None = None
     """Reason for which the plan was made anew in this step; None where it continues the last one."""
-    recovery: SupervisorState | None = None
-    """State of the supervisor; None while nothing is wrong."""
+    recovery: SupervisorAction | None = None
+    """Action of the supervisor; None while nothing is wrong."""
+    change: StateChange | None = None
+    """Change of the supervisor's state; None where it stays."""
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
     hits_expected: float | None = None
@@ -111,6 +118,11 @@ class NavigationStep:
     def filter_outcome(self) -> FilterOutcome | None:
         """Outcome of the filter's update; None where it did not run."""
         return None if self.update is None else self.update.outcome
+
+    @property
+    def state(self) -> SupervisorState:
+        """State of the supervisor."""
+        return state_after(self.recovery)
 
     @property
     def holds(self) -> bool:
@@ -146,13 +158,16 @@ class Episode:
     """Length of a step [s]."""
     outcome: EpisodeOutcome
     """Outcome of the flight."""
-    recoveries: tuple[SupervisorState | None, ...] = ()
-    """State of the supervisor at each time; shorter where it is unknown."""
+    recoveries: tuple[SupervisorAction | None, ...] = ()
+    """Action of the supervisor at each time; shorter where it is unknown."""
     late: tuple[int, ...] = ()
     """Time steps that passed while filter and planner were still at an earlier one, in real time."""
     first_plan: Motion | None = None
     """Plan with which the flight began, from the given start; `plans[0]` corrects it from the first belief. None in
     files of versions that did not keep it."""
+    transitions: tuple[StateChange, ...] = ()
+    """Changes of the supervisor's state, the end of the flight included. In files of versions that did not keep their
+    reasons, these are the actions."""
 
     @classmethod
     def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
@@ -160,6 +175,9 @@ class Episode:
         if not steps:
             raise InvalidInputError("an episode needs at least one navigation step")
         actions = [step.action for step in steps if step.action is not None]
+        outcome = steps[-1].outcome or EpisodeOutcome.STOPPED
+        actions_taken = tuple(step.recovery for step in steps)
+        reasons = {index: step.change.reason for index, step in enumerate(steps) if step.change is not None}
         return cls(
             RigidState.stack([step.truth for step in steps]),
             Belief.stack([step.belief for step in steps]),
@@ -169,10 +187,11 @@ class Episode:
             torch.tensor([step.filter_ms for step in steps]),
             torch.tensor([step.replan_ms for step in steps]),
             steps[0].plan.dt,
-            steps[-1].outcome or EpisodeOutcome.STOPPED,
-            tuple(step.recovery for step in steps),
+            outcome,
+            actions_taken,
             tuple(step.index for step in steps if step.late),
             steps[0].first_plan,
+            _transitions(actions_taken, outcome, reasons),
         )
 
     @property
@@ -199,6 +218,14 @@ class Episode:
         errors = self.errors().double()
         return (errors * torch.linalg.solve(self.beliefs.covariance.double(), errors)).sum(-1).float()
 
+    def is_silent(self) -> bool:
+        """Check for silent divergence, see `is_silent`."""
+        errors, covariance = self.errors()[1:, POSITION].double(), self.beliefs.covariance[1:, POSITION, POSITION]
+        squares = (errors * torch.linalg.solve(covariance.double(), errors)).sum(-1)
+        actions = (*self.recoveries, *[None] * len(self.touched))[1 : len(self.touched)]
+        tracking = [state_after(action) is SupervisorState.TRACKING for action in actions]
+        return is_silent(errors.norm(dim=-1).tolist(), (squares < ELLIPSOID_95).tolist(), tracking)
+
     def metrics(self) -> dict[str, Any]:
         """Compute the numbers of the flight, as `nerfnav fly --json` prints them; None where there are none.
 
@@ -209,8 +236,10 @@ class Episode:
             "steps": len(self.actions),
             "final_position_error_m": (self.truth.position[-1] - self.goal.position).norm().item(),
             "mesh_collision_steps": int(self.touched.sum()),
+            "silent": self.is_silent(),
             "late_steps": len(self.late),
-            "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in SupervisorState},
+            "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in SupervisorAction},
+            "transitions": [change.to_json() for change in self.transitions],
             "estimation": self._estimation(),
             "timing_ms": self._timing_ms(),
         }
@@ -270,10 +299,37 @@ class Episode:
             raise InvalidInputError(f"{folder} holds no readable {FORMAT} of version {VERSION}: {error}") from error
 
 
+def _transitions(
+    actions: Sequence[SupervisorAction | None], outcome: EpisodeOutcome, reasons: dict[int, str]
+) -> tuple[StateChange, ...]:
+    """List the changes of state by the actions of a flight; a reason that is missing is that of the action."""
+    state, changes = SupervisorState.TRACKING, []
+    for index, action in enumerate(actions):
+        before, state = state, state_after(action)
+        if state is not before:
+            reason = "the belief is sure enough again" if action is None else action.value
+            changes.append(StateChange(index, before, state, reasons.get(index, reason)))
+    return (*changes, StateChange(max(0, len(actions) - 1), state, SupervisorState.ENDED, outcome.value))
+
+
+def is_silent(errors_m: Sequence[float], inside_95: Sequence[bool], tracking: Sequence[bool]) -> bool:
+    """Check for silent divergence: in three time steps in a row, while tracking, the estimated position is more than
+    5 cm off, and the truth is outside of the belief's 95 % ellipsoid of position."""
+    silent = [
+        off > _OFF_M and not inside and tracks
+        for off, inside, tracks in zip(errors_m, inside_95, tracking, strict=True)
+    ]
+    return any(all(silent[first : first + _IN_A_ROW]) for first in range(len(silent) - _IN_A_ROW + 1))
+
+
 def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
     lengths, dt = stored["plan.steps"].tolist(), float(about["dt"])
     parts = [stored[f"plan.{name}"].split([n + 1 for n in lengths]) for name in _STATE]
     states = [RigidState(*state) for state in zip(*parts, strict=True)]
+    outcome, kept = EpisodeOutcome[about["outcome"].upper()], about.get("transitions")
+    actions = tuple(
+        None if name is None else SupervisorAction[name.upper()] for name in about.get("recovery_of_step", ())
+    )
     return Episode(
         _state("truth", stored),
         Belief(_state("belief", stored), stored["belief.covariance"]),
@@ -283,10 +339,11 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         stored["filter_ms"],
         stored["replan_ms"],
         dt,
-        EpisodeOutcome[about["outcome"].upper()],
-        tuple(None if name is None else SupervisorState[name.upper()] for name in about.get("recovery_of_step", ())),
+        outcome,
+        actions,
         tuple(about.get("late", ())),
         _first_plan(stored, dt),
+        _transitions(actions, outcome, {}) if kept is None else tuple(map(StateChange.from_json, kept)),
     )
 
 

@@ -36,6 +36,7 @@ from nerfnav.planner import (
     collision_probability_bound,
     fits,
 )
+from nerfnav.planner.risk.collision_map import cached_c_space
 from nerfnav.planner.terms.risk import RISK
 from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot, StateNoise
 
@@ -114,6 +115,16 @@ class SafetyFilter:
         with torch.no_grad():
             return RISK.value(problem.context(CostWeights(risk=1.0)), motion).item()
 
+    def clearance(self, path: Float[Tensor, "n 3"], most: float) -> float:
+        """Measure the clearance of a level body along places [m]: the distance of its centre from the nearest place
+        where it does not fit, at most `most` [m].
+
+        0 on the ground, where a body stands on what it may touch.
+        """
+        if self.robot.planar:
+            return 0.0
+        return cached_c_space(self.field, self.robot, None).clearance(path.double().numpy(), most)
+
     def _bound(self, motion: Motion) -> float:
         finite = motion.states.position.isfinite().all()
         return collision_probability_bound(self.field, motion, self.robot.body) if finite else 1.0
@@ -169,11 +180,19 @@ def build_safe_planner(
 
 
 def come_to_rest(
-    robot: Robot, start: RigidState, steps: int, dt: float, yaw_rate: Callable[[RigidState], float] | None = None
+    robot: Robot,
+    start: RigidState,
+    steps: int,
+    dt: float,
+    yaw_rate: Callable[[RigidState], float] | None = None,
+    velocity: Float[Tensor, "3"] | None = None,
 ) -> Motion:
-    """Brake in `steps` steps of `dt` [s] and stay, turning with a yaw rate [rad/s] that depends on the state."""
+    """Brake in `steps` steps of `dt` [s] and stay, turning with a yaw rate [rad/s] that depends on the state; with a
+    `velocity` [m/s], brake to that."""
     states, actions = [start], []
     for _ in range(steps):
-        actions.append(robot.hold(states[-1], dt, 0.0 if yaw_rate is None else yaw_rate(states[-1])))
-        states.append(robot.step(states[-1], actions[-1], dt))
+        now = states[-1]
+        seen = now if velocity is None else replace(now, velocity=now.velocity - velocity)
+        actions.append(robot.hold(seen, dt, 0.0 if yaw_rate is None else yaw_rate(now)))
+        states.append(robot.step(now, actions[-1], dt))
     return Motion(RigidState.stack(states), torch.stack(actions), dt)

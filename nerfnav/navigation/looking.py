@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import torch
 from torch import Tensor
 
 from nerfnav.field import Field
@@ -15,7 +16,9 @@ from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import NavigationStep
 from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import ActiveGoal, FlightContext
-from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState
+from nerfnav.navigation.landing import descend
+from nerfnav.navigation.supervisor import SIGMAS, SupervisorMemory
+from nerfnav.navigation.supervisor_state import StateChange, SupervisorAction, SupervisorState
 from nerfnav.planner import fits
 from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, limit_yaw_rate, wrap_yaw
 from nerfnav.planner.active_yaw import choose_headings as choose_plan_headings
@@ -115,13 +118,42 @@ def choose_turn(memory: SupervisorMemory, flight: FlightContext, lost: bool) -> 
     return partial(command_yaw_rate, aim=aim, most=most, around=around, dt=dt)
 
 
-def hold_and_turn(
-    start: RigidState, last: Motion, turn: Callable[[RigidState], float] | None, flight: FlightContext
+def hold(
+    step: NavigationStep, start: RigidState, last: Motion, memory: SupervisorMemory, flight: FlightContext
 ) -> Motion:
-    """Plan to come to rest from an estimate after the `last` plan, and to turn meanwhile."""
-    robot = flight.simulator.robot
+    """Plan the motion of a robot that holds, from an estimate after the `last` plan.
+
+    It comes to rest, and turns where its view does not help; one that trusts its belief goes back to its last
+    informative view where no turn helps, and one that was given up lands.
+    """
+    action, robot = step.recovery, flight.simulator.robot
     start = robot.settled(start, last.states[0])
-    return come_to_rest(robot, start, flight.config.recovery.rest, flight.request.dt, turn)
+    if action is SupervisorAction.LANDED:
+        return descend(start, flight)
+    turn = velocity = None
+    if action is not None and action.turns:
+        turn = choose_turn(memory, flight, lost=action is SupervisorAction.SEARCHED)
+        velocity = None if action is SupervisorAction.SEARCHED else _way_back(step, memory, flight)
+    return come_to_rest(robot, start, flight.config.recovery.rest, flight.request.dt, turn, velocity)
+
+
+def _way_back(step: NavigationStep, memory: SupervisorMemory, flight: FlightContext) -> Tensor | None:
+    """Return the velocity to the pose of the last informative picture [m/s].
+
+    None where there was none, where the robot is there, where it has just begun to turn to something, and where three
+    standard deviations of its position do not fit into the clearance of the straight line there.
+    """
+    seen, safety_filter, config = memory.seen, flight.stack.safety_filter, flight.config.recovery
+    if seen is None or safety_filter is None or memory.unsure * flight.request.dt < _IN_VAIN_S:
+        return None
+    here, there = step.belief.mean.position, seen.mean.position
+    distance, reach = (there - here).norm().item(), SIGMAS * step.belief.position_std
+    if distance < config.widest:
+        return None
+    shares = torch.linspace(0, 1, 2 + int(distance / reach))[:, None]
+    if safety_filter.clearance(here + shares * (there - here), reach) < reach:
+        return None
+    return (there - here) * (min(config.back, distance / _IN_VAIN_S) / distance)
 
 
 def look_before_leaving(step: NavigationStep, memory: SupervisorMemory, flight: FlightContext) -> NavigationStep:
@@ -129,8 +161,9 @@ def look_before_leaving(step: NavigationStep, memory: SupervisorMemory, flight: 
     mean = step.belief.mean
     if step.outcome is not None or flight.config.open_loop or predict_visibility(mean, flight)[0] > _NOTHING:
         return step
-    plan = hold_and_turn(mean, step.plan, choose_turn(memory, flight, lost=False), flight)
-    return replace(step, plan=plan, recovery=SupervisorState.BLIND)
+    change = StateChange(step.index, memory.state, SupervisorState.BLIND, "no view from the start shows anything")
+    step = replace(step, recovery=SupervisorAction.BLIND, change=change)
+    return replace(step, plan=hold(step, mean, step.plan, memory, flight))
 
 
 def side_of(state: RigidState, place: Tensor) -> float:

@@ -40,16 +40,12 @@ from nerfnav.navigation.flight import (
     NavigationStack,
     OperatorRequests,
 )
-from nerfnav.navigation.looking import (
-    choose_headings,
-    choose_turn,
-    hold_and_turn,
-    look_before_leaving,
-    yaw_objective_of,
-)
+from nerfnav.navigation.landing import has_landed, is_at_rest, may_land
+from nerfnav.navigation.looking import choose_headings, hold, look_before_leaving, yaw_objective_of
 from nerfnav.navigation.realtime import fly_missed_steps, measure_time
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState, sees_little
+from nerfnav.navigation.supervisor import SIGMAS, Evidence, SupervisorMemory, sees_little
+from nerfnav.navigation.supervisor_state import SupervisorAction, SupervisorState
 from nerfnav.planner import PlanOutcome, PlanResult, PlanStep, PlanSteps, Route
 from nerfnav.robots import Motion, RigidState
 
@@ -73,7 +69,8 @@ def navigate(
     flight = FlightContext(request, simulator, stack, config, generator)
     step = yield from plan(flight)
     step, goal = yield from take_off(step, flight)
-    memory = SupervisorMemory(step.plan, unsure=int(step.filter_outcome is not FilterOutcome.UPDATED))
+    updated = step.filter_outcome is FilterOutcome.UPDATED
+    memory = SupervisorMemory(step.plan, unsure=int(not updated), seen=step.filter_belief)
     step = look_before_leaving(step, memory, flight)
     yield step
     flown = [step]
@@ -85,11 +82,13 @@ def navigate(
             now = dead_reckon(now, last, flight)
         else:
             now = yield from correct(now, last, simulator.look(), memory, flight)
-            now = yield from supervise(now, memory, requests, flight)
+            now = yield from supervise(now, goal, memory, requests, flight)
             now, goal = yield from replan(now, last, goal, memory, flight)
         for step in _in_real_time(last, now, flight):
-            memory = memory.after(step.index, step.plan, step.recovery, step.late)
-            step = replace(step, outcome=judge(step, flown, goal, flight))
+            memory = memory.after(
+                step.index, step.plan, step.recovery, step.filter_belief, _is_informative(step), step.late
+            )
+            step = judge(step, flown, goal, flight)
             flown.append(replace(step, image=None, update=None))
             yield step
             if step.outcome is not None:
@@ -157,20 +156,47 @@ def correct(
     now: NavigationStep, last: NavigationStep, image: Tensor | None, memory: SupervisorMemory, flight: FlightContext
 ) -> Generator[FilterStep, None, NavigationStep]:
     """Filter: predict by the action, correct by the picture."""
-    used = None if flight.supervisor.is_lost(memory) else image  # a false belief may agree with it by chance
+    used = None if memory.distrusts else image  # a false belief may agree with it by chance
     dt, action = flight.request.dt, last.plan.actions[0]
     steps = flight.stack.estimator.update(last.filter_belief, used, action, dt, flight.generator)
     return (yield from _run_filter(steps, replace(now, image=image), flight))
 
 
 def supervise(
-    now: NavigationStep, memory: SupervisorMemory, requests: OperatorRequests, flight: FlightContext
+    now: NavigationStep, goal: ActiveGoal, memory: SupervisorMemory, requests: OperatorRequests, flight: FlightContext
 ) -> Generator[RelocaliseStep | RelocaliseResult, None, NavigationStep]:
-    """Enter the next state of the supervisor, which may widen the belief, or restart it by global localization."""
-    belief, state = yield from flight.supervisor.supervise(
-        now.filter_belief, now.filter_outcome, now.image, memory, requests.search
+    """Take the next action of the supervisor, which may widen the belief, or restart it by global localization."""
+    belief, doubt, room = now.filter_belief, None, 0.0
+    if flight.simulator.is_outside(belief.mean):
+        place = ", ".join(f"{coordinate:.2f}" for coordinate in belief.mean.position.tolist())
+        doubt = f"the estimated position ({place}) m is outside of the field's box"
+    if memory.held or now.filter_outcome is not FilterOutcome.UPDATED:
+        room = _room(belief.mean, goal, flight)
+    evidence = Evidence(
+        now.index, belief, now.filter_outcome, now.image, requests.search, doubt, room, lambda: may_land(belief, flight)
     )
-    return replace(now, belief=flight.stack.map_error.beside(belief), apparent=belief, recovery=state)
+    decision = yield from flight.supervisor.supervise(evidence, memory)
+    belief = decision.belief
+    return replace(
+        now, belief=flight.stack.map_error.beside(belief), apparent=belief, recovery=decision.action,
+        change=decision.change,
+    )  # fmt: skip
+
+
+def _room(state: RigidState, goal: ActiveGoal, flight: FlightContext) -> float:
+    """Measure by how much a robot may be off before that harms [m]: its clearance, at most the distance to the goal; 0
+    without a safety filter."""
+    safety_filter, config = flight.stack.safety_filter, flight.config.recovery
+    if safety_filter is None:
+        return 0.0
+    away = (state.position - goal.goal.position).norm().item()
+    return safety_filter.clearance(state.position[None], min(away, SIGMAS * config.open * config.widest))
+
+
+def _is_informative(step: NavigationStep) -> bool:
+    """Check whether a picture was used, and is informative enough for the robot to go on."""
+    used = step.filter_outcome in (FilterOutcome.UPDATED, FilterOutcome.WEAK)
+    return used and not step.late and (step.recovery is None or not step.recovery.doubts)
 
 
 def replan(
@@ -180,10 +206,12 @@ def replan(
     request, clock, state = flight.request, flight.request.clock, now.recovery
     here = _start_of_plan(last.plan, now.belief.mean, flight)
     if state is not None and state.holds:
-        turn = choose_turn(memory, flight, lost=state is SupervisorState.SEARCHED) if state.turns else None
-        return replace(now, plan=hold_and_turn(here, last.plan, turn, flight)), goal
+        return replace(now, plan=hold(now, here, last.plan, memory, flight)), goal
+    if last.recovery is SupervisorAction.BACKUP and goal.since < last.index and not memory.is_replan_due:
+        now = replace(now, recovery=SupervisorAction.BACKUP, fallback=last.fallback)
+        return replace(now, plan=hold(now, here, last.plan, memory, flight)), goal
     began, rest, steps = clock(), memory.plan.left_after(1), request.steps
-    leads = state is not SupervisorState.RELOCALISED and goal.since < max(memory.planned_at, 1)
+    leads = state is not SupervisorAction.RELOCALISED and goal.since < max(memory.planned_at, 1)
     if leads:
         steps = max(memory.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
     if goal.end is None or memory.held or (now.image is not None and sees_little(now.filter_outcome)):
@@ -205,14 +233,22 @@ def dead_reckon(now: NavigationStep, last: NavigationStep, flight: FlightContext
 
 def judge(
     step: NavigationStep, flown: Sequence[NavigationStep], goal: ActiveGoal, flight: FlightContext
-) -> EpisodeOutcome | None:
-    """Judge whether a flight ends at this time step: COLLIDED, else OUTSIDE, else as `_judge_arrival` says."""
-    outcome = _judge_arrival(step, sum(before.holds for before in (*flown[1:], step)), goal, flight)
+) -> NavigationStep:
+    """Judge whether a flight ends at this time step, and return the step with its outcome: COLLIDED, else OUTSIDE, else
+    as `_judge_arrival` says. The landing of a lost robot is no contact."""
+    landed = step.touched and _is_given_up(step) and has_landed(flown[-1].truth, step.truth, flight)
+    step = replace(step, touched=step.touched and not landed)
+    held = sum(before.holds for before in (*flown[1:], step))
+    outcome = EpisodeOutcome.LOST if landed else _judge_arrival(step, held, goal, flight)
     if flight.simulator.is_outside(step.truth):
         outcome = EpisodeOutcome.OUTSIDE
     ends = outcome is not None or (step.touched and not flight.config.fly_on)
     touched = ends and any(before.touched for before in (*flown, step))
-    return EpisodeOutcome.COLLIDED if touched else outcome
+    return replace(step, outcome=EpisodeOutcome.COLLIDED if touched else outcome)
+
+
+def _is_given_up(step: NavigationStep) -> bool:
+    return step.state in (SupervisorState.LOST, SupervisorState.LANDING)
 
 
 def _judge_arrival(
@@ -220,8 +256,8 @@ def _judge_arrival(
 ) -> EpisodeOutcome | None:
     """Judge collisions aside; a robot that holds has not arrived, and the time that it held counts in part."""
     config = flight.config
-    if step.recovery is SupervisorState.LOST:
-        return EpisodeOutcome.DIVERGED
+    if step.state is SupervisorState.LOST and is_at_rest(step.truth):
+        return EpisodeOutcome.LOST
     if not _is_finite(step.plan):
         return EpisodeOutcome.NO_PLAN
     if config.open_loop and len(step.plan.actions):
@@ -291,7 +327,7 @@ def _filter_plan(planned: PlanResult, now: NavigationStep, flight: FlightContext
     fallback = safety_filter.make_fallback(planned, flight.request.dt)
     rejected = safety_filter.rejects(planned, fallback)
     now = replace(now, fallback=fallback, replan_ms=now.replan_ms + 1e3 * (clock() - began))
-    return replace(now, plan=fallback.motion, recovery=SupervisorState.BACKUP) if rejected else now
+    return replace(now, plan=fallback.motion, recovery=SupervisorAction.BACKUP) if rejected else now
 
 
 def _start_of_plan(last: Motion, believed: RigidState, flight: FlightContext) -> RigidState:

@@ -49,6 +49,9 @@ class Simulator:
     """Contact check of the body's path; None without ground truth."""
     box: Box | None = None
     """Box of the field, which ends the world of the flight; None: it has no end."""
+    level_contact: ContactFunction | None = None
+    """Check whether the first contact of the body's path is with level surfaces alone, as in a landing; None: none
+    is."""
 
     def is_outside(self, state: RigidState) -> bool:
         """Check whether the body has left the box: its centre is beyond it by more than the body's radius.
@@ -59,7 +62,7 @@ class Simulator:
             return False
         lower, upper, position = self.box.lower, self.box.upper, state.position
         beyond = (lower - position).clamp_min(0) + (position - upper).clamp_min(0)
-        return beyond.norm().item() > self.robot.body.radius
+        return not beyond.norm().item() <= self.robot.body.radius  # nor is a position that is not finite inside
 
     def act(self, action: Float[Tensor, " a"], dt: float, gust: GustStrength | StateNoise | None = None) -> bool:
         """Apply an action for `dt` [s], and a gust; return whether the body touched anything."""

@@ -1,18 +1,22 @@
-"""Supervisor: a state machine that holds, widens the belief or relocalizes a robot whose pictures disagree with it.
+"""Supervisor: a state machine that holds, relocalizes, lands or ends a flight whose belief cannot be relied on.
 
 A filter that rejects a picture (its innovation or its residual fails the test) returns the prediction. The supervisor
 then widens the belief, so that the next picture may move it further. After several rejections in a row it runs global
 localization, and the belief restarts where that finds the robot; until then the filter ignores pictures. In all states
 that hold, the robot comes to rest by its believed velocity, which it knows better than its position.
 
-TRANSITIONS is the whole machine: after each picture the first row that applies gives the next state. Two states come
-from elsewhere: the safety filter enters BACKUP where it rejects a plan (fallback.py), and a flight begins BLIND where
-its field shows the camera nothing (looking.py). `SupervisorMemory.after` counts what the conditions of the rows need.
+TRANSITIONS is the whole machine: after each picture the first row that applies gives the action and the next state.
+Two actions come from elsewhere: the safety filter takes BACKUP where it rejects a plan (fallback.py), and a flight
+begins BLIND where its field shows the camera nothing (looking.py). `SupervisorMemory.after` counts what the conditions
+of the rows need.
+
+How wide a belief may be depends on the room: with c the clearance of the believed position, at most the distance to
+the goal, `widest`, `sure` and `adrift` are multiplied by c / (3 `widest`), at least 1 and at most `open`. So a robot
+flies on while three standard deviations fit into its clearance. With a picture that shows nothing, there is no room.
 """
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import torch
@@ -22,8 +26,14 @@ from torch import Tensor
 from nerfnav.core.errors import require_not_negative, require_positive
 from nerfnav.estimator import Belief, FilterOutcome, Relocalisation, RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry import FORWARD_MOUNT, Pose
+from nerfnav.navigation.supervisor_state import StateChange, SupervisorAction, SupervisorState, state_after
 from nerfnav.planner import estimate_timing
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
+
+_EAGER = 4
+"""Time steps of a robot that waits for a safe plan in each of which it looks for one."""
+SIGMAS = 3.0
+"""Standard deviations of the position that have to fit into the clearance."""
 
 
 @runtime_checkable
@@ -35,36 +45,17 @@ class Relocaliser(Protocol):
         ...
 
 
-class SupervisorState(Enum):
-    """State of the supervisor after a time step, None while nothing is wrong; the value is what a user reads."""
+class WidthLimits(NamedTuple):
+    """Standard deviations of a coordinate of the position [m], see SupervisorConfig."""
 
-    WIDENED = "the picture disagreed: the belief was widened, and the robot holds"
-    BLIND = "the picture says too little for where the robot may be: it holds and looks around"
-    ADRIFT = "the robot may be anywhere near, and was looked for everywhere and not found: it holds and looks around"
-    SEARCHED = "the robot was looked for everywhere and not found: it holds and looks around"
-    BACKUP = "the plan was no longer safe: the robot comes to rest in free space"
-    RELOCALISED = "the robot was lost, and found again by looking everywhere"
-    LOST = "the robot was lost, and not found again"
-
-    @property
-    def holds(self) -> bool:
-        """Check whether the robot comes to rest and waits, for lack of a position or of a safe plan."""
-        return self.doubts or self is SupervisorState.BACKUP
-
-    @property
-    def doubts(self) -> bool:
-        """Check whether the robot holds because it does not know its position."""
-        return self.turns or self is SupervisorState.WIDENED
-
-    @property
-    def turns(self) -> bool:
-        """Check whether the robot turns while it holds, because its present view does not help."""
-        return self in (SupervisorState.BLIND, SupervisorState.ADRIFT, SupervisorState.SEARCHED)
+    widest: float
+    sure: float
+    adrift: float
 
 
 @dataclass(frozen=True)
 class SupervisorConfig:
-    """Thresholds of the supervisor: when to hold, and when to search."""
+    """Thresholds of the supervisor: when to hold, when to search, and when to give up."""
 
     patience: int = 3
     """Pictures in a row that may disagree before the robot counts as lost."""
@@ -73,16 +64,26 @@ class SupervisorConfig:
     between: int = 3
     """Pictures from one search to the next, in which the robot turns: neighbours look alike."""
     widest: float = 0.04
-    """Standard deviation of a coordinate of the position from which a robot that sees little is BLIND [m]: the
-    clearance of plans (planner/risk/tracking_error.py), and half of the distance to a goal that counts as reached. In
-    the paper's noise it takes three pictures that show nothing."""
+    """Standard deviation of a coordinate of the position from which a robot that sees little is BLIND where there is no
+    room [m]: the clearance of plans (planner/risk/tracking_error.py), and half of the distance to a goal that counts
+    as reached. In the paper's noise it takes three pictures that show nothing."""
     sure: float = 0.03
     """The same for a robot that holds because of its position, which is BLIND whenever it sees nothing: above this, a
     picture that agrees with its belief is too weak to end the state [m]. The sky agrees with any belief."""
     adrift: float = 0.12
-    """Standard deviation of a coordinate of the position from which a BLIND robot is searched for, as a lost one is
-    [m]: three times `widest`, which is a standard deviation of its own already. A robot does not come to rest while it
-    drifts, for it tilts, and knows its tilt no better than its position."""
+    """The same from which a BLIND robot is searched for, as a lost one is [m]: three times `widest`, which is a
+    standard deviation of its own already. A robot does not come to rest while it drifts, for it tilts, and knows its
+    tilt no better than its position."""
+    open: float = 3.0
+    """Largest factor on these three, where there is room."""
+    unseen_s: float = 0.5
+    """Time without an informative picture after which a BLIND robot is searched for [s]. In the paper's noise, hovering
+    drifts by 0.12 m per axis after 1 s, and by 0.7 m after 2 s."""
+    lost_s: float = 1.0
+    """The same after which a search counts as in vain [s]. A robot that drifts for longer can hardly be ended gently:
+    in the paper's noise its velocity is off by 0.4 m/s per axis then."""
+    back: float = 1.0
+    """Largest speed at which it goes back to its last informative view [m/s]."""
     rest: int = 6
     """Steps of the plan of a robot that holds."""
     turn: float = 2.5
@@ -98,8 +99,13 @@ class SupervisorConfig:
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for negative rates or standard deviations."""
-        require_not_negative(turn=self.turn, adrift=self.adrift)
-        require_positive(glance=self.glance)
+        require_not_negative(turn=self.turn, adrift=self.adrift, unseen_s=self.unseen_s, lost_s=self.lost_s)
+        require_positive(glance=self.glance, widest=self.widest)
+
+    def limits(self, room: float) -> WidthLimits:
+        """Return the limits on the width of a belief in a room [m]: the clearance, at most the distance to the goal."""
+        factor = min(self.open, max(1.0, room / (SIGMAS * self.widest)))
+        return WidthLimits(factor * self.widest, factor * self.sure, factor * self.adrift)
 
 
 @dataclass(frozen=True)
@@ -114,20 +120,45 @@ class SupervisorMemory:
     """Time steps since, in which the robot held."""
     unsure: int = 0
     """Of these, those in which it did not know its position."""
+    waited: int = 0
+    """Of those in which it held, the ones in which it waited for a safe plan."""
     disagreed: int = 0
-    """Pictures since that disagreed."""
-    adrift: int = 0
-    """Pictures since that were too weak for a robot whose position is that uncertain."""
+    """Pictures since that disagreed, before any search."""
+    searched: int = 0
+    """Pictures since in the state SEARCHING in which a search may have been due."""
+    distrusts: bool = False
+    """Whether only a search ends the state."""
+    state: SupervisorState = SupervisorState.TRACKING
+    """Present state."""
+    unseen: int = 0
+    """Time steps since the last informative picture."""
+    seen: Belief | None = None
+    """Belief after that picture; None: there was none yet."""
 
-    def after(self, index: int, plan: Motion, state: SupervisorState | None, late: bool = False) -> "SupervisorMemory":
+    def after(
+        self, index: int, plan: Motion, action: SupervisorAction | None, belief: Belief, informative: bool = True,
+        late: bool = False,
+    ) -> "SupervisorMemory":  # fmt: skip
         """Count one more time step; a `late` one had no picture."""
-        if state is None or not state.holds:
-            return SupervisorMemory(plan, index)
-        disagreed = state in (SupervisorState.WIDENED, SupervisorState.SEARCHED) and not late
+        unseen, seen = (0, belief) if informative else (self.unseen + 1, self.seen)
+        known = replace(self, state=state_after(action), unseen=unseen, seen=seen)
+        if action is None or not action.holds:
+            return SupervisorMemory(plan, index, state=known.state, unseen=unseen, seen=seen)
+        searched = action in (SupervisorAction.SEARCHED, SupervisorAction.ADRIFT)
         return replace(
-            self, held=self.held + 1, unsure=self.unsure + state.doubts, disagreed=self.disagreed + disagreed,
-            adrift=self.adrift + (state is SupervisorState.ADRIFT and not late),
+            known, held=self.held + 1, unsure=self.unsure + action.doubts,
+            waited=self.waited + (not action.doubts),
+            disagreed=self.disagreed + (action is SupervisorAction.WIDENED and not late),
+            searched=self.searched + (searched and not late),
+            distrusts=self.distrusts or action is SupervisorAction.SEARCHED,
         )  # fmt: skip
+
+    @property
+    def is_replan_due(self) -> bool:
+        """Check whether a robot that came to rest for want of a safe plan is to look for one again: in the first steps,
+        then each time that it has waited as long again. In a large place the search of a path takes seconds, and at
+        rest little changes."""
+        return self.waited < _EAGER or self.waited.bit_count() == 1
 
     def steps_left(self, believed: RigidState, robot: Robot) -> int:
         """Count the time steps to the end of the plan; for a robot that has stopped, as many as from rest."""
@@ -139,41 +170,99 @@ class SupervisorMemory:
         return max(left, estimate_timing(robot, length, dt, dt).steps)
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """All that the supervisor learns in a time step."""
+
+    index: int
+    """Time step."""
+    belief: Belief
+    """Posterior of the filter."""
+    outcome: FilterOutcome | None
+    """Outcome of its update; None where it did not run."""
+    image: UInt8[Tensor, "height width 3"] | None = None
+    """Picture; None where none came."""
+    search_requested: bool = False
+    """By the operator."""
+    doubt: str | None = None
+    """Reason for which the belief is not trusted whatever the filter says (it is outside of the field's box, or a test
+    of consistency fails); only a search ends it. None: there is no such reason."""
+    room: float = 0.0
+    """Clearance of the believed position, at most the distance to the goal [m]; 0 where it is unknown."""
+    may_land: Callable[[], bool] = lambda: False
+    """Check whether the robot can land gently below; it takes time, and is called for a lost robot only."""
+
+
 class Situation(NamedTuple):
     """Conditions of TRANSITIONS after a picture."""
 
-    disagrees: bool  # the picture does, or so many did before that only a search ends the state
-    is_patient: bool  # more pictures may disagree before the robot counts as lost
-    is_between_searches: bool  # a lost robot only turns in this picture
-    is_last_search: bool  # a lost robot is given up unless this search finds it
+    state: SupervisorState  # until now
+    disagrees: bool  # the picture does, and more may before the robot counts as lost
+    doubt: str | None  # reason for which only a search ends the state
+    rejected: int  # pictures that disagreed, this one included
+    is_search_due: bool  # a robot that is not found is searched for in every few pictures, once around
+    is_in_vain: bool  # the robot is given up unless this search finds it
     search_requested: bool  # by the operator
     is_uncertain: bool  # the belief is too wide to fly on
-    is_adrift: bool  # so wide that it is worth a search, with a picture that shows something
-    is_search_due: bool  # a robot adrift is searched for in every few pictures, once around
+    is_adrift: bool  # it is so wide, or no picture was informative for so long, that it is worth a search
+    may_search: bool  # there is a relocaliser, and a picture to search with
+    deviation: float  # largest standard deviation of a coordinate of the position [m]
+    limits: WidthLimits  # on that, here
+    unseen_s: float  # time since the last informative picture [s]
+    may_land: Callable[[], bool]  # gently, on the ground below
+
+    @property
+    def cause(self) -> str:
+        """Reason for which the robot is searched for, with its numbers."""
+        return self.doubt or (
+            f"no informative picture for {self.unseen_s:.1f} s; standard deviation of the position "
+            f"{self.deviation:.2f} m, at most {self.limits.adrift:.2f} m here"
+        )
 
 
 class Transition(NamedTuple):
-    """Row of TRANSITIONS: a condition, given that none of the rows above applies, and the state that follows."""
+    """Row of TRANSITIONS: a condition, given that none of the rows above applies, and the action that follows."""
 
     applies: Callable[[Situation], bool]
-    state: SupervisorState | None
+    action: SupervisorAction | None
+    reason: str
+    """Reason of a change of state, a format of a Situation."""
     searches: bool = False
-    """Whether global localization runs first: RELOCALISED where it finds the robot; else `state`, or where that is
+    """Whether global localization runs first: RELOCALISED where it finds the robot; else `action`, or where that is
     None, the rows below."""
 
 
+_WIDTH = "standard deviation of the position {0.deviation:.2f} m, at most {0.limits.widest:.2f} m here"
+_A, _S = SupervisorAction, SupervisorState
 TRANSITIONS = (
-    Transition(lambda now: now.disagrees and now.is_patient, SupervisorState.WIDENED),
-    Transition(lambda now: now.disagrees and now.is_between_searches, SupervisorState.SEARCHED),
-    Transition(lambda now: now.disagrees and now.is_last_search, SupervisorState.LOST, searches=True),
-    Transition(lambda now: now.disagrees, SupervisorState.SEARCHED, searches=True),
-    Transition(lambda now: now.search_requested, None, searches=True),
-    Transition(lambda now: not now.is_uncertain, None),
-    Transition(lambda now: not now.is_adrift, SupervisorState.BLIND),
-    Transition(lambda now: now.is_search_due, SupervisorState.ADRIFT, searches=True),
-    Transition(lambda now: True, SupervisorState.ADRIFT),
+    Transition(lambda now: now.state is _S.LANDING, _A.LANDED, ""),
+    Transition(lambda now: now.state is _S.LOST, _A.LOST, ""),
+    Transition(lambda now: now.disagrees, _A.WIDENED, "pictures that disagree with the belief: {0.rejected}"),
+    Transition(lambda now: now.is_in_vain, None, "", searches=True),
+    Transition(lambda now: now.is_in_vain and now.may_land(), _A.LANDED, "searched in vain: {0.cause}"),
+    Transition(lambda now: now.is_in_vain, _A.LOST, "searched in vain: {0.cause}"),
+    Transition(lambda now: now.doubt is not None and now.is_search_due, _A.SEARCHED, "{0.doubt}", searches=True),
+    Transition(lambda now: now.doubt is not None, _A.SEARCHED, "{0.doubt}"),
+    Transition(lambda now: now.search_requested, None, "", searches=True),
+    Transition(lambda now: not now.is_uncertain, None, "the picture agrees with the belief, which is sure: " + _WIDTH),
+    Transition(lambda now: now.is_adrift and now.is_search_due, _A.ADRIFT, "{0.cause}", searches=True),
+    Transition(lambda now: now.is_adrift, _A.ADRIFT, "{0.cause}"),
+    Transition(lambda now: True, _A.BLIND, "the picture says too little: " + _WIDTH),
 )
-"""All transitions after a picture, in order of precedence."""
+"""All transitions after a picture, in order of precedence; the state that follows is that of the action."""
+_FOUND = "global localization found the robot"
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Decision of the supervisor in a time step."""
+
+    belief: Belief
+    """Belief to go on with."""
+    action: SupervisorAction | None
+    """Action; None while nothing is wrong."""
+    change: StateChange | None
+    """Change of the state; None where it stays."""
 
 
 @dataclass(frozen=True)
@@ -188,50 +277,64 @@ class Supervisor:
     """T_body_camera."""
 
     def supervise(
-        self, belief: Belief, outcome: FilterOutcome | None, image: Tensor | None, memory: SupervisorMemory,
-        search_requested: bool = False,
-    ) -> Generator[RelocaliseStep | RelocaliseResult, None, tuple[Belief, SupervisorState | None]]:  # fmt: skip
-        """Return the belief to go on with after an update of the filter, and the state; yield the steps of searches."""
-        now, state = self._assess(belief, outcome, image is not None, memory, search_requested), None
-        for applies, state, searches in TRANSITIONS:
+        self, evidence: Evidence, memory: SupervisorMemory
+    ) -> Generator[RelocaliseStep | RelocaliseResult, None, Decision]:
+        """Decide on belief and action after an update of the filter; yield the steps of searches."""
+        now, belief, action, reason = self._assess(evidence, memory), evidence.belief, None, ""
+        for applies, action, reason, searches in TRANSITIONS:
             if not applies(now):
                 continue
-            found = (yield from self.search(belief, image)) if searches else None
+            found = (yield from self.search(belief, evidence.image)) if searches and now.may_search else None
             if found is not None:
-                return found, SupervisorState.RELOCALISED
-            if state is not None or not searches:
+                belief, action, reason = found, SupervisorAction.RELOCALISED, _FOUND
+            if found is not None or action is not None or not searches:
                 break
-        if state is SupervisorState.WIDENED:
+        if action is SupervisorAction.WIDENED:
             belief = replace(belief, covariance=belief.covariance * self.config.widen**2)
-        return belief, state
+        after = state_after(action)
+        changed = after is not now.state
+        change = StateChange(evidence.index, now.state, after, reason.format(now)) if changed else None
+        return Decision(belief, action, change)
 
-    def _assess(
-        self, belief: Belief, outcome: FilterOutcome | None, has_image: bool, memory: SupervisorMemory, requested: bool
-    ) -> Situation:
+    def _assess(self, evidence: Evidence, memory: SupervisorMemory) -> Situation:
         """Assess the situation; a robot that holds because of its position must be surer, and see something."""
-        config, deviation = self.config, belief.position_std
-        sees_nothing = outcome is FilterOutcome.PREDICTED_ONLY  # black and plain pictures look alike everywhere
+        config, deviation, requested = self.config, evidence.belief.position_std, evidence.search_requested
+        sees_nothing = evidence.outcome is FilterOutcome.PREDICTED_ONLY  # plain pictures look alike everywhere
+        limits = config.limits(0.0 if sees_nothing else evidence.room)
+        unseen_s = memory.unseen * memory.plan.dt
         uncertain = (
-            sees_nothing or deviation > config.sure
+            sees_nothing or deviation > limits.sure
             if memory.unsure > 0
-            else sees_little(outcome) and deviation > config.widest
-        )
-        overdue = memory.disagreed + 1 - config.patience  # pictures since the robot counts as lost
-        searched, since = divmod(memory.adrift, config.between)
+            else sees_little(evidence.outcome) and deviation > limits.widest
+        ) or (sees_nothing and unseen_s >= config.unseen_s)
+        rejected = evidence.outcome is FilterOutcome.DIVERGED
+        count, doubt = memory.disagreed + rejected, evidence.doubt
+        if doubt is None and memory.distrusts:
+            doubt = "the belief is not trusted"
+        elif doubt is None and rejected and (count >= config.patience or requested):
+            doubt = f"pictures that disagree with the belief: {count}"
+        rounds, since = divmod(memory.searched, config.between)
+        adrift = deviation > limits.adrift or unseen_s >= config.unseen_s
+        exhausted = memory.searched > 0 and (rounds + 1 >= config.searches or unseen_s >= config.lost_s)
+        hopeless = doubt is not None and (exhausted or self.relocaliser is None)
         return Situation(
-            disagrees=outcome is FilterOutcome.DIVERGED or self.is_lost(memory),
-            is_patient=overdue < 0 and not requested,
-            is_between_searches=overdue % config.between > 0 and not requested,
-            is_last_search=self.relocaliser is None or overdue // config.between + 1 >= config.searches,
+            state=memory.state,
+            disagrees=rejected and doubt is None,
+            doubt=doubt,
+            rejected=count,
+            is_search_due=since == 0 or requested,
+            is_in_vain=hopeless or (exhausted and uncertain and adrift),
             search_requested=requested,
             is_uncertain=uncertain,
-            is_adrift=self.relocaliser is not None and has_image and not sees_nothing and deviation > config.adrift,
-            is_search_due=since == 0 and searched < config.searches,
+            is_adrift=adrift,
+            may_search=self.relocaliser is not None
+            and evidence.image is not None
+            and (doubt is not None or requested or not sees_nothing),
+            deviation=deviation,
+            limits=limits,
+            unseen_s=unseen_s,
+            may_land=evidence.may_land,
         )
-
-    def is_lost(self, memory: SupervisorMemory) -> bool:
-        """Check whether so many pictures have disagreed that only a search ends the state."""
-        return memory.disagreed >= self.config.patience
 
     def search(
         self, belief: Belief, image: Tensor | None

@@ -4,6 +4,7 @@ from .capture import images_taken as images_taken
 from .capture import split as split
 from .contact import contact_check as contact_check
 from .contact import judge as judge
+from .contact import level_contact_check as level_contact_check
 from .raycast import MeshRenderer as MeshRenderer
 from .raycast import RayCaster as RayCaster
 from .scene import Scene as Scene

@@ -1,5 +1,6 @@
 """Collision geometry: all solids and sheets of a scene, indexed once, with tests of whether a body touches them."""
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from nerfnav.robots import Body, RigidState
 from nerfnav.world.body_volume import BodyVolume, build_body_volume
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid, overlap_volume
-from nerfnav.world.triangle_index import TriangleIndex, Triangles
+from nerfnav.world.triangle_index import TriangleIndex, Triangles, boxes_touch_triangles
 
 
 class Ground:
@@ -24,7 +25,13 @@ class Ground:
         bounds = np.array([(solid.lower, solid.upper) for solid in self._solids]).reshape(-1, 2, 3)
         self._lower, self._upper = bounds[:, 0], bounds[:, 1]
         self._sheets = TriangleIndex(_triangles(scene.sheets))
-        self._index = TriangleIndex(_triangles((*scene.solids, *scene.sheets)))
+        triangles = _triangles((*scene.solids, *scene.sheets))
+        self._index = TriangleIndex(triangles)
+        corners = triangles.reshape(-1, 3)
+        self.bounds: Float[np.ndarray, "2 3"] = (
+            np.stack([corners.min(0), corners.max(0)]) if len(corners) else np.full((2, 3), np.nan)
+        )
+        """Lower and upper corner of all surfaces [m]; NaN where there are none."""
 
     def touches(self, body: Body, states: RigidState) -> Bool[Tensor, " n"]:
         """Mark states, batch shape (n,), at which the body touches a surface or lies inside a solid."""
@@ -38,6 +45,18 @@ class Ground:
             for index in np.flatnonzero(touched):
                 touched[index] = self._overlap(volume, rotations[index], centers[index]) > 0
         return torch.from_numpy(touched)
+
+    def largest_slope(self, body: Body, state: RigidState) -> float:
+        """Return the largest angle from level of the triangles that the box around a body touches [rad]; pi / 2 where
+        it touches none."""
+        rotations, centers = _numpy(RigidState.stack([state]))
+        half = build_body_volume(body).half
+        triangles = self._index.near(centers[0], float(np.linalg.norm(half)))
+        corners = np.ascontiguousarray((triangles - centers[0]) @ rotations[0])
+        triangles = triangles[boxes_touch_triangles(corners, half)]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        upright = np.abs(normals[:, 2]) / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+        return float(np.arccos(np.clip(upright, 0, 1)).max(initial=0.0)) if len(triangles) else math.pi / 2
 
     def overlaps(self, body: Body, states: RigidState) -> Float[Tensor, " n"]:
         """Volume [m^3] that the body shares with the solids at each state, batch shape (n,).

@@ -5,7 +5,7 @@ steady turns.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -14,7 +14,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots import Body, RigidState
-from nerfnav.world.collision import ground
+from nerfnav.world.collision import Ground, ground
 from nerfnav.world.scene import Scene
 
 
@@ -102,11 +102,56 @@ def judge(scene: Scene, body: Body, states: RigidState, config: ContactConfig | 
 def contact_check(
     scene: Scene, body: Body, config: ContactConfig | None = None
 ) -> Callable[[RigidState, RigidState], bool]:
-    """Make the contact test of a simulator: does the body touch anything between one state and the next?"""
+    """Make the contact test of a simulator: does the body touch anything between one state and the next?
+
+    A state that is not finite touches nothing.
+    """
     solids, config = ground(scene), config or ContactConfig()
 
     def touched(before: RigidState, after: RigidState) -> bool:
-        between, _ = interpolate_poses(RigidState.stack([before.detach(), after.detach()]), config)
-        return bool(solids.touches(body, between).any())
+        between = _poses_near(solids, body, before, after, config)
+        return between is not None and bool(solids.touches(body, between).any())
 
     return touched
+
+
+def level_contact_check(
+    scene: Scene, body: Body, slope: float, config: ContactConfig | None = None
+) -> Callable[[RigidState, RigidState], bool]:
+    """Make the test of a simulator for landings: does the body, where it first touches anything between two states,
+    touch only surfaces within `slope` [rad] of level?"""
+    solids, config = ground(scene), config or ContactConfig()
+
+    def is_level(before: RigidState, after: RigidState) -> bool:
+        between = _poses_near(solids, body, before, after, config)
+        touched = torch.zeros(0, dtype=torch.bool) if between is None else solids.touches(body, between)
+        if between is None or not touched.any():
+            return False
+        return solids.largest_slope(body, between[int(touched.int().argmax())]) <= slope
+
+    return is_level
+
+
+def _poses_near(
+    solids: Ground, body: Body, before: RigidState, after: RigidState, config: ContactConfig
+) -> RigidState | None:
+    """Interpolate the poses of a step that are near the ground truth; None where none is, or where one is not finite.
+
+    A robot that is lost may be anywhere, and its path is as long as its speed makes it: only the part within the
+    bounds of the ground truth, and a body's radius around, is sampled.
+    """
+    start, end = (state.position.detach().double() for state in (before, after))
+    if not (start.isfinite().all() and end.isfinite().all() and after.rotation.isfinite().all()):
+        return None
+    way = end - start
+    edges = torch.from_numpy(solids.bounds) + body.radius * torch.tensor([[-1.0], [1.0]]).double()
+    shares = (edges - start) / torch.where(way == 0, torch.full_like(way, 1e-300), way)
+    first, last = shares.amin(0).max().clamp_min(0).item(), shares.amax(0).min().clamp_max(1).item()
+    if not first <= last:
+        return None
+    ends = RigidState.stack([before.detach(), after.detach()])
+    if (first, last) != (0.0, 1.0):
+        turn, share = so3.local(before.rotation, after.rotation), torch.tensor([first, last])[:, None]
+        rotation = so3.retract(before.rotation.detach().expand(2, 3, 3), (share * turn.detach()).to(ends.rotation))
+        ends = replace(ends, position=(start + share * way).to(ends.position), rotation=rotation)
+    return interpolate_poses(ends, config)[0]

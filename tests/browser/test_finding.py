@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from nerfnav.estimator.relocalize.global_localization import RelocaliseStep
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab
@@ -65,7 +65,7 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
     tab.until(lambda: app.session.job is None, "it flies on")
     flight = app.session.flight
     assert flight is not None
-    assert flight.steps[int(np.argmax(moves(app)))].recovery is SupervisorState.WIDENED, "it did not notice"
+    assert flight.steps[int(np.argmax(moves(app)))].recovery is SupervisorAction.WIDENED, "it did not notice"
 
     told = last_search(app)
     tab.press("estimate.find")

@@ -11,7 +11,7 @@ from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.core.steps import run_steps
 from nerfnav.experiments import closed_loop_flight
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.closed_loop import REFUSED, draw_figure, fly, is_silent, run, summarize, trials_of, wilson
+from nerfnav.experiments.closed_loop import REFUSED, draw_figure, fly, run, summarize, trials_of, wilson
 from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, find_task, random_task
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.experiments.study import Study
@@ -133,18 +133,6 @@ def test_a_flight_that_the_field_refuses_is_reported_as_such() -> None:
     inside = Task("Into the column", (-0.7, 0.0, 0.5), (0.0, 0.0, 0.5))
     row = fly(column(), FlightTrial(inside, 0, known=True))["row"]
     assert row["outcome"] == "refused" and row["final_m"] is None and row["steps"] == 0
-
-
-def silent(off: list[float], inside: list[bool], holds: list[bool]) -> bool:
-    return is_silent({"position_m": off, "inside_95": inside, "holds": holds})
-
-
-def test_a_divergence_is_silent_when_for_three_steps_nothing_says_it() -> None:
-    far, sure, flying = [0.06] * 3, [False] * 3, [False] * 3
-    assert silent(far, sure, flying)
-    assert not silent([0.06, 0.04, 0.06, 0.06], [False] * 4, [False] * 4), "three in a row"
-    assert not silent(far, [False, True, False], flying), "the covariance says so"
-    assert not silent(far, sure, [False, False, True]), "the robot holds"
 
 
 def test_wilsons_interval_is_that_of_the_books() -> None:

@@ -36,7 +36,9 @@ def test_a_plan_that_ended_badly_leaves_only_by_force_and_says_how_it_ended(outc
 
 
 def test_no_vehicle_repeats_a_flight_that_hit_something_left_the_place_or_was_lost() -> None:
-    ended_badly = {EpisodeOutcome.COLLIDED, EpisodeOutcome.OUTSIDE, EpisodeOutcome.DIVERGED}
+    ended_badly = {
+        EpisodeOutcome.COLLIDED, EpisodeOutcome.OUTSIDE, EpisodeOutcome.LOST, EpisodeOutcome.DIVERGED,
+    }  # fmt: skip
     px4, csv = FORMATS["px4"], FORMATS["csv"]
     flown = Subject.EXECUTED
     assert {outcome for outcome in EpisodeOutcome if explain_unsafe(outcome, px4, flown)} == ended_badly

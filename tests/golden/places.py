@@ -148,7 +148,7 @@ def truth_scene() -> p.Scene:
 
 def flight_steps() -> tuple[p.NavigationStep, ...]:
     """A flight along a helix, with pictures, in which all that can be recovered from happens once."""
-    happened = [None, None, *p.SupervisorState, None, None, None]
+    happened = [None, None, *p.SupervisorAction, None, None, None]
     count = len(happened) - 1
     motion = helix(count)
     generator = torch.Generator().manual_seed(0)

@@ -75,6 +75,7 @@ from nerfnav.navigation import (
     NavigateConfig,
     NavigationStep,
     OperatorRequests,
+    SupervisorAction,
     SupervisorState,
 )
 from nerfnav.planner import PLANNERS, FastPlanConfig, PlanConfig, PlanOutcome, PlanResult, PlanStep
@@ -158,6 +159,7 @@ __all__ = [
     "SessionMemory",
     "StateNoise",
     "Subject",
+    "SupervisorAction",
     "SupervisorState",
     "Surroundings",
     "Truth",
@@ -200,11 +202,12 @@ __all__ = [
 
 ENUMS: tuple[type[Enum], ...] = (
     Activation, Backdrop, CameraMode, EpisodeOutcome, FilterOutcome, InitialGuess, JobKind, Order, PixelDraw,
-    PixelSource, PlanOutcome, SupervisorState, RelocaliseOutcome, Restart, SourceKind, Occupancy, TrackStatus,
+    PixelSource, PlanOutcome, SupervisorAction, SupervisorState, RelocaliseOutcome, Restart, SourceKind, Occupancy,
+    TrackStatus,
     UnknownSpace, Vantage, EndRole,
 )  # fmt: skip
 """Enums whose names or values stand in files, in JSON, in options, or before users."""
-ENUM_NAMES = {"SupervisorState": "Recovery", "EndRole": "Which", "UnknownSpace": "Unknown", "Occupancy": "VoxelState"}
+ENUM_NAMES = {"SupervisorAction": "Recovery", "EndRole": "Which", "UnknownSpace": "Unknown", "Occupancy": "VoxelState"}
 """Class names of enums that have been renamed since the golden files were written: a class name is no contract."""
 REWORDED = {
     "found by global localization": "found from nothing, by looking everywhere",

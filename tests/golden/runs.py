@@ -123,7 +123,14 @@ def flight_of(name: str, field: Any) -> dict[str, Any]:
     torch.set_num_threads(1)
     steps, result = p.finished(p.fly(request, room_for(robot, field)), (p.NavigationStep,))
     summary = {key: value for key, value in result.summary.items() if key != "timing_ms"}  # times that were measured
-    return plain({"steps": [_step(step) for step in steps], "summary": summary})
+    return plain({"steps": [_step(step) for step in steps], "summary": without_later_numbers(summary)})
+
+
+def without_later_numbers(metrics: Mapping[str, Any]) -> dict[str, Any]:
+    """Drop the numbers of a flight that there were not when the golden files were written."""
+    before = {name: value for name, value in metrics.items() if name not in ("silent", "transitions")}
+    counts = {name: count for name, count in metrics["recoveries"].items() if name != "landed"}
+    return before | {"recoveries": counts}
 
 
 def plain(value: Any) -> Any:

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
+from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep, is_silent
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import CALM, REQUEST, Oracle, StraightPlanner, draws, simulator
 
@@ -61,7 +61,7 @@ def test_a_robot_that_holds_in_the_end_was_to_arrive_where_it_was_going_before(f
     last = flight[-1]
     rest = replace(last.plan, states=last.plan.states.map(lambda part: part.flip(0)))
     nowhere = replace(last.plan, states=last.plan.states.map(lambda part: part * torch.nan))
-    for end in (replace(last, plan=rest, recovery=SupervisorState.WIDENED), replace(last, plan=nowhere)):
+    for end in (replace(last, plan=rest, recovery=SupervisorAction.WIDENED), replace(last, plan=nowhere)):
         torch.testing.assert_close(Episode.of([*flight[:-1], end]).goal.position, REQUEST.goal.position)
 
 
@@ -155,3 +155,20 @@ def test_another_version_is_refused(flight: list[NavigationStep], tmp_path: Path
     (tmp_path / "episode.json").write_text(text)
     with pytest.raises(InvalidInputError, match="version 9"):
         Episode.load(tmp_path)
+
+
+def test_a_divergence_is_silent_when_for_three_steps_nothing_says_it() -> None:
+    far, outside, tracking = [0.06] * 3, [False] * 3, [True] * 3
+    assert is_silent(far, outside, tracking)
+    assert not is_silent([0.06, 0.04, 0.06, 0.06], [False] * 4, [True] * 4), "three in a row"
+    assert not is_silent(far, [False, True, False], tracking), "the covariance says so"
+    assert not is_silent(far, outside, [True, True, False]), "the supervisor says so"
+
+
+def test_a_flight_whose_beliefs_are_off_and_sure_is_silent(flight: list[NavigationStep]) -> None:
+    tangent = torch.zeros(12)
+    tangent[0] = 0.06
+    assert Episode.of(shifted(flight, tangent, 0.01**2)).metrics()["silent"] is True
+    assert Episode.of(shifted(flight, tangent, 0.1**2)).metrics()["silent"] is False
+    held = [replace(step, recovery=SupervisorAction.WIDENED) for step in shifted(flight, tangent, 0.01**2)]
+    assert Episode.of(held).metrics()["silent"] is False

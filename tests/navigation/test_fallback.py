@@ -11,7 +11,7 @@ from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.fallback import FallbackTrajectory, SafetyFilter
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction, SupervisorMemory
 from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
@@ -99,12 +99,26 @@ def test_a_blocked_robot_holds_and_goes_on_when_there_is_a_way_again(guarded: bo
     stack = NavigationStack(planner, Oracle(world), safety_filter=SafetyFilter(wall, ROBOT) if guarded else None)
     events = navigate(FlightRequest(GOAL, steps=16), world, stack, CONFIG, draws(0))
     steps = [event for event in events if isinstance(event, NavigationStep)]
-    held = [step.index for step in steps if step.recovery is SupervisorState.BACKUP]
+    held = [step.index for step in steps if step.recovery is SupervisorAction.BACKUP]
     assert held == ([3, 4, 5] if guarded else [])
     assert all((step.fallback is not None) is guarded for step in steps[1:])
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     if guarded:  # the way is taken up with the time that stopping took
         assert steps[6].plan.actions.shape[-2] > steps[2].plan.actions.shape[-2]
+
+
+def test_a_robot_that_waits_for_a_safe_plan_looks_for_one_less_and_less_often():
+    world = simulator()
+    world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
+    planner = Blocked(blocked=range(1, 200))
+    stack = NavigationStack(planner, Oracle(world), safety_filter=SafetyFilter(CLOSED, ROBOT))
+    events = navigate(FlightRequest(GOAL, steps=16), world, stack, CONFIG, draws(0))
+    steps = [event for event in events if isinstance(event, NavigationStep)]
+    waiting = [step for step in steps if step.recovery is SupervisorAction.BACKUP]
+    assert len(waiting) > 35 and waiting[-1] is steps[-1]
+    looked = [index for index, step in enumerate(waiting) if step.replan_ms > 0]
+    assert looked == [0, 1, 2, 3, 4, 8, 16, 32]
+    assert (steps[-1].truth.position - steps[0].truth.position).norm() < 0.3
 
 
 def test_a_robot_without_a_way_on_does_not_doubt_where_it_is():
@@ -115,7 +129,7 @@ def test_a_robot_without_a_way_on_does_not_doubt_where_it_is():
     steps = [event for event in events if isinstance(event, NavigationStep)][:3]
     memory = SupervisorMemory(steps[0].plan)
     for step in steps[1:]:
-        memory = memory.after(step.index, step.plan, step.recovery)
+        memory = memory.after(step.index, step.plan, step.recovery, step.belief)
     assert memory.held == 2 and memory.unsure == memory.disagreed == 0
 
 

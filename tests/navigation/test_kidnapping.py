@@ -13,7 +13,7 @@ from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, ROBOT, picture, voxel_balls
 from tests.navigation.doubles import CALM, StraightPlanner, draws
@@ -44,8 +44,8 @@ def test_a_robot_that_was_kidnapped_finds_itself_and_reaches_its_goal() -> None:
             if event.index == 3:
                 world.state = ELSEWHERE
     done = [step.recovery for step in steps if step.recovery is not None]
-    assert done[:3] == [SupervisorState.WIDENED, SupervisorState.WIDENED, SupervisorState.RELOCALISED] and searched == 3
-    assert SupervisorState.RELOCALISED not in done[3:], "once is enough"
+    assert done[:3] == [SupervisorAction.WIDENED] * 2 + [SupervisorAction.RELOCALISED] and searched == 3
+    assert SupervisorAction.RELOCALISED not in done[3:], "once is enough"
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     assert (steps[-1].truth.position - steps[-1].belief.mean.position).norm() < 0.02
 

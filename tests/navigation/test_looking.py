@@ -14,7 +14,7 @@ from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
 from nerfnav.navigation.looking import command_yaw_rate, side_of
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.supervisor import SupervisorConfig, SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction, SupervisorConfig
 from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import RigidState
 from tests.navigation.doubles import CALM, REQUEST, ROBOT, Oracle, StraightPlanner, draws, simulator
@@ -53,7 +53,7 @@ def flown(place: VoxelField, in_sight: float = 0.4) -> list[NavigationStep]:
 def test_a_robot_that_should_see_nothing_from_where_it_stands_turns_before_it_leaves() -> None:
     behind = field_of(_PLACE, ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0)), spacing=0.05)
     steps = flown(behind)
-    assert steps[0].recovery is SupervisorState.BLIND and steps[0].plan.states.velocity.norm(dim=-1).max() < 0.1
+    assert steps[0].recovery is SupervisorAction.BLIND and steps[0].plan.states.velocity.norm(dim=-1).max() < 0.1
     assert (
         find_best_turn(behind, steps[0].plan.states[-1], 0.4)[0]
         > 0.5

@@ -19,7 +19,7 @@ from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationS
 from nerfnav.navigation.gust import GustStrength
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep, PlanSteps
 from nerfnav.planner.trajectory import Route
@@ -186,18 +186,26 @@ def test_a_flight_that_gets_nowhere_times_out():
 
 def test_pictures_that_disagree_again_and_again_end_the_flight():
     steps = steps_of(fly(lost=FilterOutcome.DIVERGED))
-    assert steps[-1].outcome is EpisodeOutcome.DIVERGED
-    assert steps[-1].index == CONFIG.recovery.patience
+    assert steps[-1].outcome is EpisodeOutcome.LOST
+    given_up = [step.index for step in steps if step.recovery is SupervisorAction.LOST]
+    assert given_up[0] == CONFIG.recovery.patience and steps[-1].truth.velocity.norm() < 0.2
+    assert all(step.truth.velocity.norm() >= 0.2 for step in steps[given_up[0] : -1]), "it comes to rest first"
 
 
-def test_pictures_that_say_nothing_do_not_end_the_flight_once_one_has_said_something():
-    steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index else FilterOutcome.UPDATED))
-    assert steps[-1].outcome is EpisodeOutcome.REACHED and not any(step.holds for step in steps)
+def test_pictures_that_say_nothing_for_a_moment_do_not_stop_a_robot_that_is_sure_and_for_longer_they_do():
+    dark = round(CONFIG.recovery.unseen_s / REQUEST.dt)
+    for count in (dark, dark + 1):
+        steps = steps_of(flown_by(
+            lambda index, last=2 + count: FilterOutcome.PREDICTED_ONLY if 2 <= index < last else FilterOutcome.UPDATED
+        ))  # fmt: skip
+        assert steps[-1].outcome is EpisodeOutcome.REACHED
+        held = [step.recovery for step in steps if step.holds]
+        assert held == ([] if count == dark else [SupervisorAction.ADRIFT])
 
 
 def test_a_robot_looks_around_before_it_leaves_until_a_picture_says_something():
     steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index < 4 else FilterOutcome.UPDATED))
-    assert [step.recovery for step in steps[:7]] == [None, *[SupervisorState.BLIND] * 4, None, None]
+    assert [step.recovery for step in steps[:7]] == [None, *[SupervisorAction.BLIND] * 4, None, None]
     turned = so3.local(START.rotation, steps[4].truth.rotation).norm()
     assert turned > 0.3 and (steps[4].truth.position - START.position).norm() < 0.12, "but for the first action"
     assert steps[-1].outcome is EpisodeOutcome.REACHED

@@ -437,7 +437,7 @@ def test_a_robot_that_sees_nothing_holds_before_it_may_be_five_centimetres_off()
     assert config.recovery.widest * 7.815**0.5 == pytest.approx(0.05, abs=0.001), "95 % of chi-squared of 3 numbers"
     assert config.recovery.sure == config.recovery.widest < NavigateConfig().recovery.widest
     careful = SupervisorConfig(widest=0.01, sure=0.005)
-    assert configure_for_physics(NavigateConfig(recovery=careful)).recovery == careful
+    assert configure_for_physics(NavigateConfig(recovery=careful)).recovery == replace(careful, open=1.0, lost_s=3.0)
 
 
 @pytest.mark.parametrize("name", ["quadrotor", "quadrotor25", "crazyflie", "x500"])

@@ -11,7 +11,7 @@ from nerfnav.geometry.box import Box
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from nerfnav.world.collision import Ground
-from nerfnav.world.contact import ContactConfig, contact_check, interpolate_poses, judge
+from nerfnav.world.contact import ContactConfig, contact_check, interpolate_poses, judge, level_contact_check
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import winding_number
 from nerfnav.world.triangle_index import boxes_touch_triangles
@@ -223,3 +223,36 @@ def test_states_that_are_no_numbers_are_refused_in_one_sentence():
     states = _states((0.0, 0.0, 3.0), (0.0, float("nan"), 3.0))
     with pytest.raises(InvalidInputError, match="1 of 2 are not: the first is state 1"):
         judge(_scene(_cube(0.2)), _BODY, states)
+
+
+@pytest.mark.parametrize("away", [3.0, 1e6, 1e18, math.inf, math.nan])
+def test_a_robot_that_has_gone_far_away_is_judged_at_once(away: float) -> None:
+    touched, here = contact_check(_scene(_cube(0.2)), _BODY), RigidState.at_rest((0.5, 0.0, 0.0))
+    there = RigidState.at_rest((away, 0.0, 0.0), yaw=1.0)
+    assert not touched(here, there) and not touched(there, there)
+    assert touched(RigidState.at_rest((-away, 0.0, 0.0)), there) is math.isfinite(away), "through the cube"
+
+
+def test_the_part_of_a_path_near_the_ground_truth_touches_what_all_of_it_touches() -> None:
+    scene = _scene(_cube(0.1), _cube(0.2, (0.6, 0.3, 0.1)))
+    touched, ends = contact_check(scene, _BODY), _random_poses(120, spread=1.0)
+    found = []
+    for before, after in zip(ends[:60], ends[60:], strict=True):
+        poses, _ = interpolate_poses(RigidState.stack([before, after]), ContactConfig())
+        found.append(bool(Ground(scene).touches(_BODY, poses).any()))
+        assert touched(before, after) is found[-1]
+    assert 2 < sum(found) < 57
+
+
+def test_a_landing_is_on_level_surfaces_alone() -> None:
+    def ramp(angle: float) -> Scene:
+        floor = trimesh.creation.box((4.0, 4.0, 0.2), trimesh.transformations.translation_matrix((0, 0, -0.1)))
+        return _scene(floor.apply_transform(trimesh.transformations.rotation_matrix(angle, (0, 1, 0))))
+
+    above, below = RigidState.at_rest((0.0, 0.0, 0.1)), RigidState.at_rest((0.0, 0.0, -0.02))
+    for angle, level in ((0.0, True), (0.3, True), (0.4, False)):
+        assert level_contact_check(ramp(angle), _BODY, math.radians(20))(above, below) is level
+    assert not level_contact_check(ramp(0.0), _BODY, math.radians(20))(above, above), "it touches nothing"
+    wall = _scene(_cube(0.2))
+    aside = RigidState.at_rest((0.2, 0.0, 0.0))
+    assert not level_contact_check(wall, _BODY, math.radians(20))(aside, RigidState.at_rest((0.14, 0.0, 0.0)))

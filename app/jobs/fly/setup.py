@@ -19,7 +19,12 @@ from nerfnav.navigation import (
 )
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.fly.request import FlyRequest
-from nerfnav_app.jobs.fly.simulated_world import camera_function, contact_function, warm_up_filter
+from nerfnav_app.jobs.fly.simulated_world import (
+    camera_function,
+    contact_function,
+    level_contact_function,
+    warm_up_filter,
+)
 from nerfnav_app.jobs.plan.plan import make_planner
 from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place
@@ -48,6 +53,7 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
     simulator = world.simulate(Simulator(
         robot, route.ends.start.state(), camera_function(place), world_generator(request.seed), robot.mount,
         noise=config.noise, contact=contact_function(place), box=place.field.box,
+        level_contact=level_contact_function(place),
     ))  # fmt: skip
     stack = compensate_latency(stack, simulator)
     if request.realtime:  # the first update of a process takes seconds, for which no robot waits on the ground

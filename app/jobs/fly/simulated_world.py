@@ -13,7 +13,7 @@ import torch
 from nerfnav.estimator import Belief, FastFilter, FilterStep
 from nerfnav.field import render_image
 from nerfnav.geometry import FORWARD_MOUNT, Camera
-from nerfnav.navigation import CameraFunction, ContactFunction, NavigateConfig
+from nerfnav.navigation import LEVEL, CameraFunction, ContactFunction, NavigateConfig
 from nerfnav.robots import RigidState
 from nerfnav_app.places.place import Place
 
@@ -25,6 +25,15 @@ def contact_function(place: Place) -> ContactFunction | None:
     from nerfnav.world import contact_check  # slow to import, and people see the place before
 
     return contact_check(place.scene, place.robot.body)
+
+
+def level_contact_function(place: Place) -> ContactFunction | None:
+    """Make the check of landings against the ground truth; None without one."""
+    if place.scene is None:
+        return None
+    from nerfnav.world import level_contact_check  # slow to import, as above
+
+    return level_contact_check(place.scene, place.robot.body, LEVEL)
 
 
 def camera_function(place: Place) -> CameraFunction:

@@ -17,6 +17,9 @@ from nerfnav.robots import Quadrotor, Robot
 T = TypeVar("T")
 WorldName = Literal["paper", "physical"]
 """Names of the worlds, as options take them."""
+_LOST_S = 3.0
+"""Time without an informative picture after which a search counts as in vain [s]: an inertial unit keeps the attitude,
+and so the velocity, much longer than the dynamics alone."""
 _GENTLE = 0.4
 """Share of the angular acceleration that costs as much as the weight, for plans that rotors have to follow."""
 
@@ -29,14 +32,17 @@ def make_physical_simulator(simulator: Simulator, world: PhysicalConfig | None =
     """Move a simulator to the physical world. Raises InvalidInputError for other robots than quadrotors."""
     return PhysicalSimulator(
         simulator.robot, simulator.state, simulator.camera, simulator.generator, simulator.mount,
-        noise=None, contact=simulator.contact, box=simulator.box, world=world or PhysicalConfig(),
+        noise=None, contact=simulator.contact, box=simulator.box, level_contact=simulator.level_contact,
+        world=world or PhysicalConfig(),
     )  # fmt: skip
 
 
 def configure_for_physics(config: NavigateConfig) -> NavigateConfig:
     """Configure a flight whose plans a controller tracks, and whose robot soon holds where it sees nothing."""
     most = min(config.recovery.widest, UNSEEN_M)
-    recovery = replace(config.recovery, widest=most, sure=min(config.recovery.sure, most))
+    recovery = replace(
+        config.recovery, widest=most, sure=min(config.recovery.sure, most), open=1.0, lost_s=_LOST_S
+    )
     return replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
 
 

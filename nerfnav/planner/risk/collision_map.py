@@ -102,7 +102,7 @@ def relative_cost(chances: CollisionMap, occupancy: OccupancyMap, weight: float)
 
 @lru_cache(maxsize=8)
 def _blur(field: Field, robot: Robot, height: float | None, deviations: tuple[Deviation, ...]) -> CollisionMap:
-    space = _c_space(field, robot, height)
+    space = cached_c_space(field, robot, height)
     if height is None and len(space.by_heading) > 1:
         deviations = deviations[-1:]  # headings take memory enough; in the first steps that is too careful
     by_axis = np.array([(each.level, each.level, each.height) for each in deviations])
@@ -151,6 +151,6 @@ def _weights(places: Float[np.ndarray, " m"], count: int, deviation: float) -> F
 
 
 @lru_cache(maxsize=2)
-def _c_space(field: Field, robot: Robot, height: float | None) -> CSpace:
-    """Make the obstacles, once for all covariances."""
+def cached_c_space(field: Field, robot: Robot, height: float | None) -> CSpace:
+    """Compute the obstacles of a robot in a field, once for all covariances; see `CSpace.of`."""
     return CSpace.of(field, robot.body, height)

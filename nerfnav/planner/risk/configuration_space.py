@@ -71,6 +71,22 @@ class CSpace:
         lower, spacing = coarse.box.lower.double().cpu().numpy(), coarse.spacing.double().numpy()
         return cls(coarse.dense.numpy(), lower, spacing)
 
+    def clearance(self, path: Float[np.ndarray, "n 3"], most: float) -> float:
+        """Measure the least distance of places from an obstacle with any heading, and from the border [m], at most
+        `most` [m]; 0 for places that are not finite."""
+        if not np.isfinite(path).all():
+            return 0.0
+        shape = np.array(self.by_heading.shape[1:])
+        upper = self.lower + (shape - 1) * self.spacing
+        nearest = min(most, float(np.minimum(path - self.lower, upper - path).min()))
+        if nearest <= 0:
+            return 0.0
+        first = np.floor((path.min(0) - nearest - self.lower) / self.spacing).astype(int).clip(0)
+        last = np.ceil((path.max(0) + nearest - self.lower) / self.spacing).astype(int)
+        blocked = self.by_heading[(slice(None), *map(slice, first, last + 1))].any(0)
+        nodes = (np.argwhere(blocked) + first) * self.spacing + self.lower
+        return min((nearest, *(float(np.linalg.norm(nodes - place, axis=1).min()) for place in path if len(nodes))))
+
     @classmethod
     def _sampled(cls, field: Field, body: Body, scales: Scales, wanted: float, height: float | None) -> "CSpace":
         box = field.box.to("cpu")

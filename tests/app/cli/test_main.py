@@ -270,12 +270,16 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
         "steps": None,
         "final_position_error_m": None,
         "mesh_collision_steps": None,
+        "silent": None,
         "late_steps": None,
+        "transitions": None,
         "estimation": dict.fromkeys(("position_rmse_m", "rotation_rmse_rad", "velocity_rmse", "nees_mean")),
-        "recoveries": dict.fromkeys(("widened", "blind", "adrift", "searched", "backup", "relocalised", "lost")),
+        "recoveries": dict.fromkeys(
+            ("widened", "blind", "adrift", "searched", "backup", "relocalised", "lost", "landed")
+        ),
         "timing_ms": {f"{part}_p{share}": None for part in ("replan", "filter", "step") for share in (50, 95)},
     }
-    assert flight["outcome"] in ("reached", "collided", "diverged", "timeout")
+    assert flight["outcome"] in ("reached", "collided", "outside", "lost", "timeout")
     assert flight["mesh_collision_steps"] is None
     assert flight["timing_ms"]["filter_p50"] > 0
     out = tmp_path / "deeper" / "flight.csv"

@@ -9,7 +9,7 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode, NavigationStep
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor import StateChange, SupervisorAction, SupervisorState
 from nerfnav_app.storage import step_log as log_module
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_metadata import RunMetadata
@@ -62,12 +62,21 @@ def test_the_first_plan_reads_back_bit_for_bit_and_logs_without_one_still_load(t
 
 
 def test_recoveries_are_kept(tmp_path: Path) -> None:
-    steps = [NavigationStep(**{**vars(step), "recovery": SupervisorState.WIDENED}) for step in flown()[:3]]
+    steps = [NavigationStep(**{**vars(step), "recovery": SupervisorAction.WIDENED}) for step in flown()[:3]]
     with open_step_log(tmp_path, about(), Episode.metrics) as log:
         assert log is not None
         for step in steps:
             log.append(step)
-    assert [step.recovery for step in read_steps(tmp_path)] == [SupervisorState.WIDENED] * 3
+    assert [step.recovery for step in read_steps(tmp_path)] == [SupervisorAction.WIDENED] * 3
+
+
+def test_changes_of_the_supervisors_state_are_kept_with_their_reasons(tmp_path: Path) -> None:
+    change = StateChange(1, SupervisorState.TRACKING, SupervisorState.SEARCHING, "pictures disagree: 1")
+    with open_step_log(tmp_path, about(), Episode.metrics) as log:
+        assert log is not None
+        for step in flown()[:3]:
+            log.append(NavigationStep(**{**vars(step), "change": change if step.index == 1 else None}))
+    assert [step.change for step in read_steps(tmp_path)] == [None, change, None]
 
 
 def test_gusts_are_kept_and_steps_without_one_say_nothing_of_them(tmp_path: Path) -> None:

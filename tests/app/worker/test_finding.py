@@ -10,7 +10,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import EpisodeOutcome
-from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.navigation.supervisor import SupervisorAction
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, Progress
@@ -145,7 +145,7 @@ def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
     session = flying(opened, 3)
     assert session.flight is not None
-    doubting = replace(flight_step(session.ends, 3), recovery=SupervisorState.WIDENED)
+    doubting = replace(flight_step(session.ends, 3), recovery=SupervisorAction.WIDENED)
     assert "and the robot holds" in estimate.describe(session.flight.with_step(doubting))
 
 

@@ -170,3 +170,17 @@ def test_a_rod_thinner_than_the_nodes_are_apart_covers_them_with_any_heading():
     space = CSpace.of(block((0.1, 0.1, 0.1)), rod)
     sizes = space.by_heading.sum((1, 2, 3))
     assert sizes.min() > 0.5 * sizes.max()
+
+
+def test_the_clearance_is_the_distance_to_the_obstacle_or_to_the_border_and_is_measured_no_further_than_asked() -> None:
+    space = CSpace.of(block((0.2, 0.1, 0.15)), ROBOT.body)
+    face = 0.2 + 0.5 * ROBOT.body.extents[0]
+    for away in (0.03, 0.1):
+        measured = space.clearance(np.array([[face + away, 0.0, 0.0]]), 0.3)
+        assert measured == pytest.approx(away, abs=1.5 * GRAIN)
+    assert space.clearance(np.array([[face + 0.1, 0.0, 0.0]]), 0.05) == 0.05
+    assert space.clearance(np.array([[0.58, 0.55, 0.4]]), 0.3) == pytest.approx(0.02, abs=GRAIN)
+    path = np.array([[0.0, 0.4, 0.0], [0.0, 0.25, 0.0]])
+    assert space.clearance(path, 0.3) == space.clearance(path[1:], 0.3) < space.clearance(path[:1], 0.3)
+    for nowhere in ([0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [math.nan, 0.0, 0.0]):
+        assert space.clearance(np.array([nowhere]), 0.3) < 1e-6

@@ -7,7 +7,7 @@ import viser
 
 from nerfnav.estimator import Belief, RelocaliseOutcome, estimators
 from nerfnav.geometry.so3 import yaw_of
-from nerfnav.navigation import NavigationStep, SupervisorState
+from nerfnav.navigation import NavigationStep, SupervisorAction
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
 from nerfnav_app.page.kit.chart import ERRORS, FlightChart
 from nerfnav_app.page.kit.html import columns, fine, note, table, warning
@@ -49,8 +49,9 @@ def describe(flight: FlightRecord | None) -> str:
 def _of_recovery(step: NavigationStep) -> str:
     if step.recovery is None:
         return ""
-    say = fine if step.recovery is SupervisorState.RELOCALISED else warning
-    return say(sentence(step.recovery.value))
+    say = fine if step.recovery is SupervisorAction.RELOCALISED else warning
+    reason = "" if step.change is None else note(sentence(step.change.reason))
+    return say(sentence(step.recovery.value)) + reason
 
 
 def describe_candidates(search: LocalizationRecord) -> str:

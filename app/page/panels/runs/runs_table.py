@@ -19,7 +19,7 @@ ANY = "all"
 """Filter that lets everything through."""
 _DATE = 16  # characters of a date to the minute
 _GOOD = EpisodeOutcome.REACHED.name.lower()
-_BAD = {outcome.name.lower() for outcome in (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)} | {"outside"}
+_BAD = {outcome.name.lower() for outcome in EpisodeOutcome if outcome.is_mishap}
 _FLYING = "flying"
 
 

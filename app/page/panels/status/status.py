@@ -114,6 +114,7 @@ def describe_landing(flight: FlightRecord) -> str:
         EpisodeOutcome.REACHED: f"{arrived} after {last.time:.1f} s, {far} from the goal",
         EpisodeOutcome.COLLIDED: f"Hit something at {hit:.1f} s, and ended {far} from the goal",
         EpisodeOutcome.OUTSIDE: f"Left the place at {last.time:.1f} s, {far} from the goal",
+        EpisodeOutcome.LOST: f"Lost at {last.time:.1f} s, {far} from the goal: add texture, light or an inertial unit",
         EpisodeOutcome.DIVERGED: f"Lost at {last.time:.1f} s, {far} from the goal: fly again with less noise",
         EpisodeOutcome.TIMEOUT: f"Not arrived after {last.time:.1f} s, {far} from the goal: allow more time",
         EpisodeOutcome.NO_PLAN: "Did not take off: no path to the goal was found",

@@ -4,13 +4,14 @@ Its marks are the events of a flight, each at its time; below it they are listed
 """
 
 from bisect import bisect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import viser
 from viser._messages import GuiSliderMark
 
-from nerfnav.navigation import SupervisorState
+from nerfnav.navigation import SupervisorAction, SupervisorState
 from nerfnav.tracking import TrackStatus
 from nerfnav_app.page.kit.html import EventEntry, events
 from nerfnav_app.page.kit.widgets import post_on
@@ -24,14 +25,21 @@ _MOST_LISTED = 12
 """Number of events that are listed below the slider; all have marks."""
 _HELP = {
     "hit": "the body touched the ground truth",
-    "lost": "the estimate is not trusted: the robot holds and localizes globally",
+    "searching": "the estimate is not trusted: the robot holds and localizes globally",
+    "lost": "the robot was searched for in vain: it comes to rest",
+    "landing": "the robot was searched for in vain: it lands on the ground below",
+    "tracking": "the estimate is sure enough again: the robot follows its plan",
     "blind": "the pictures show nothing that the filter can use: it predicts by the dynamics alone",
     "braked": "no safe plan was found: the robot followed its fallback trajectory",
     "found": "the pose is known again",
     "gust": "the robot was pushed once",
     "goal moved": "the goal was moved",
 }
-_LOST = (SupervisorState.WIDENED, SupervisorState.SEARCHED, SupervisorState.LOST)
+_STATES = (SupervisorState.BLIND, SupervisorState.SEARCHING, SupervisorState.LOST, SupervisorState.LANDING)
+
+
+_SUPERVISED = ("found", "tracking", *(state.name.lower() for state in _STATES))
+"""Events that are changes of the supervisor's state."""
 
 
 class Mark(NamedTuple):
@@ -49,37 +57,53 @@ def list_marks(flight: TimedRecord) -> tuple[Mark, ...]:
     steps = flight.steps
     happened = {
         "hit": [step.touched for step in steps],
-        "lost": [step.recovery in _LOST for step in steps],
-        "blind": [step.recovery in (SupervisorState.BLIND, SupervisorState.ADRIFT) for step in steps],
-        "braked": [step.recovery is SupervisorState.BACKUP for step in steps],
-        "found": [step.recovery is SupervisorState.RELOCALISED for step in steps],
+        **{state.name.lower(): [step.state is state for step in steps] for state in _STATES},
+        "braked": [step.recovery is SupervisorAction.BACKUP for step in steps],
+        "found": [step.recovery is SupervisorAction.RELOCALISED for step in steps],
+        "tracking": [step.recovery is None and step.change is not None for step in steps],
         "gust": _at(flight.gusts, len(steps)),
         "goal moved": _at(flight.goals_moved, len(steps)),
     }
     return tuple(sorted(Mark(steps[index].time, label) for label, on in happened.items() for index in _beginnings(on)))
 
 
-def explain_mark(label: str) -> str:
-    """Explain the word of an event."""
-    return _HELP[label]
+def list_reasons(flight: TimedRecord) -> dict[Mark, str]:
+    """List the supervisor's reasons, with their numbers, by the marks of its changes of state."""
+    if isinstance(flight, TrackRecord):
+        return {}
+    reasons = {step.time: step.change.reason for step in flight.steps if step.change is not None}
+    return {
+        mark: reasons[mark.time] for mark in list_marks(flight) if mark.label in _SUPERVISED and mark.time in reasons
+    }
 
 
-def label_slider(marks: tuple[Mark, ...], end: float) -> tuple[Mark, ...]:
+def explain_mark(label: str, reason: str | None = None) -> str:
+    """Explain the word of an event, by its reason where there is one."""
+    return _HELP[label] if reason is None else f"{_HELP[label]} ({reason})"
+
+
+def label_slider(
+    marks: tuple[Mark, ...], end: float, reasons: Mapping[Mark, str] = MappingProxyType({})
+) -> tuple[Mark, ...]:
     """Label a slider from 0 to `end` [s]: a number at both ends, and at each event its tooltip.
 
     page.js shows a label that is no number as a tooltip alone, so that no label lies on another.
     """
     labels: dict[float, str] = {}
-    for time, label in marks:
-        text = f"{capital(label)} at {time:.3g} s: {explain_mark(label)}"
+    for mark in marks:
+        time, label = mark
+        text = f"{capital(label)} at {time:.3g} s: {explain_mark(label, reasons.get(mark))}"
         labels[time] = f"{labels[time]} · {text}" if time in labels else text
     ends = (Mark(0.0, "0"), Mark(end, f"{end:g}"))
     return tuple(sorted((*(Mark(time, label) for time, label in labels.items()), *ends)))
 
 
-def list_events(marks: tuple[Mark, ...]) -> str:
+def list_events(marks: tuple[Mark, ...], reasons: Mapping[Mark, str] = MappingProxyType({})) -> str:
     """Format the events with their times as HTML, each with its explanation as a tooltip."""
-    listed = [EventEntry(f"{mark.label} {mark.time:.3g} s", explain_mark(mark.label)) for mark in marks[:_MOST_LISTED]]
+    listed = [
+        EventEntry(f"{mark.label} {mark.time:.3g} s", explain_mark(mark.label, reasons.get(mark)))
+        for mark in marks[:_MOST_LISTED]
+    ]
     more = len(marks) - len(listed)
     return events([*listed, EventEntry(f"and {more} more", "Hover over their marks")] if more else listed)
 
@@ -153,14 +177,14 @@ class TimelinePanel:
         """Span all of the flight, with a mark at each event."""
         self._times = flight.times
         end = round(self._times[-1], 3)
-        happened = list_marks(flight)
-        self._events.content = list_events(happened) if happened else ""
+        happened, reasons = list_marks(flight), list_reasons(flight)
+        self._events.content = list_events(happened, reasons) if happened else ""
         self._events.visible = bool(happened)
         with self._server.atomic():
             self._slider.step, self._slider.max = flight.tick, end
             self._slider.precision = max(0, len(f"{flight.tick:.6g}".partition(".")[2]))
             # viser takes marks where a slider is made, and has only an inner name for them later
-            self._slider._marks = tuple(GuiSliderMark(*mark) for mark in label_slider(happened, end))
+            self._slider._marks = tuple(GuiSliderMark(*mark) for mark in label_slider(happened, end, reasons))
 
 
 def nearest(times: tuple[float, ...], time: float) -> int:

@@ -6,10 +6,17 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from nerfnav.navigation import SupervisorState
+from nerfnav.navigation import StateChange, SupervisorAction, SupervisorState
 from nerfnav_app.page.kit.chart import with_cursor
 from nerfnav_app.page.panels.status.command_palette import entries
-from nerfnav_app.page.panels.status.timeline import Mark, explain_mark, label_slider, list_events, list_marks
+from nerfnav_app.page.panels.status.timeline import (
+    Mark,
+    explain_mark,
+    label_slider,
+    list_events,
+    list_marks,
+    list_reasons,
+)
 from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.flight import FlightRecord
@@ -24,22 +31,22 @@ _WORD_OF_KEY = {"space": "space", "pageup": "page up", "pagedown": "page up, dow
 def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     steps = [flight_step(ENDS, index) for index in range(8)]
     steps[2:4] = (replace(step, touched=True) for step in steps[2:4])
-    steps[4:6] = (replace(step, recovery=SupervisorState.WIDENED) for step in steps[4:6])
-    steps[6] = replace(steps[6], recovery=SupervisorState.RELOCALISED)
+    steps[4:6] = (replace(step, recovery=SupervisorAction.WIDENED) for step in steps[4:6])
+    steps[6] = replace(steps[6], recovery=SupervisorAction.RELOCALISED)
     steps[1] = replace(steps[1], gust_mps=0.2)
     marks = list_marks(FlightRecord(ENDS, tuple(steps), goals_moved=(7,)))
     times = [step.time for step in steps]
     assert marks == (
-        (times[1], "gust"), (times[2], "hit"), (times[4], "lost"), (times[6], "found"), (times[7], "goal moved"),
+        (times[1], "gust"), (times[2], "hit"), (times[4], "searching"), (times[6], "found"), (times[7], "goal moved"),
     )  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("recovery", "word"),
-    [(SupervisorState.BACKUP, "braked"), (SupervisorState.BLIND, "blind"), (SupervisorState.ADRIFT, "blind")],
+    [(SupervisorAction.BACKUP, "braked"), (SupervisorAction.BLIND, "blind"), (SupervisorAction.ADRIFT, "searching")],
 )
 def test_a_robot_that_brakes_for_want_of_a_way_or_sees_nothing_is_not_lost(
-    recovery: SupervisorState, word: str
+    recovery: SupervisorAction, word: str
 ) -> None:
     steps = [flight_step(ENDS, index) for index in range(4)]
     steps[2] = replace(steps[2], recovery=recovery)
@@ -51,6 +58,21 @@ def test_marks_have_numbers_at_the_ends_alone_and_events_a_tooltip_that_explains
     *_, blind, both, _ = label_slider((Mark(0.1, "blind"), Mark(0.4, "gust"), Mark(0.4, "lost")), 5.0)
     assert blind.label == f"Blind at 0.1 s: {explain_mark('blind')}" and "filter" in explain_mark("blind")
     assert both.label.startswith("Gust at 0.4 s") and "· Lost at 0.4 s" in both.label, "one mark for one time"
+
+
+def test_changes_of_the_supervisors_state_are_marked_with_their_reasons() -> None:
+    steps = [flight_step(ENDS, index) for index in range(5)]
+    blind = StateChange(2, SupervisorState.TRACKING, SupervisorState.BLIND, "standard deviation 0.05 m")
+    again = StateChange(3, SupervisorState.BLIND, SupervisorState.TRACKING, "standard deviation 0.01 m")
+    steps[2] = replace(steps[2], recovery=SupervisorAction.BLIND, change=blind, touched=True)
+    steps[3] = replace(steps[3], change=again)
+    flight = FlightRecord(ENDS, tuple(steps))
+    marks, reasons = list_marks(flight), list_reasons(flight)
+    assert {mark.label: reasons.get(mark) for mark in marks} == {
+        "blind": blind.reason, "hit": None, "tracking": again.reason,
+    }  # fmt: skip
+    for text in (label_slider(marks, 5.0, reasons)[1].label, list_events(marks, reasons)):
+        assert f"({blind.reason})" in text
 
 
 def test_events_are_listed_with_their_times_and_many_are_counted() -> None:
@@ -86,9 +108,9 @@ def test_help_lists_every_key() -> None:
 
 
 def test_every_word_of_an_event_is_explained() -> None:
-    states = (*SupervisorState, None)
+    states = (*SupervisorAction, None)
     steps = tuple(replace(flight_step(ENDS, index), recovery=state) for index, state in enumerate(states))
     touched = (*steps, replace(flight_step(ENDS, 8), touched=True, index=len(steps), gust_mps=0.1))
     words = {mark.label for mark in list_marks(FlightRecord(ENDS, touched, goals_moved=(2,)))}
-    assert {"gust", "hit", "lost", "blind", "found", "goal moved"} <= words
+    assert {"gust", "hit", "lost", "searching", "landing", "blind", "found", "goal moved"} <= words
     assert all(len(explain_mark(word)) > len(word) for word in words)
