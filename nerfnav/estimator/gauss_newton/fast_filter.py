@@ -27,6 +27,7 @@ from nerfnav.estimator.core.filter_step import FilterUpdate, is_usable, keep_pre
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.alignment import align, choose_start, image_deviation, search
 from nerfnav.estimator.gauss_newton.posterior import UpdateProblem, compute_posterior, correct, is_doubtful
+from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field, build_levels
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
@@ -88,12 +89,15 @@ def _correct(problem: UpdateProblem) -> FilterUpdate:
     pyramid = problem.config.pyramid
     many = problem.trusted and image_deviation(problem.prediction, problem.view, pyramid.halvings[0]) > pyramid.narrow
     best, rival = (yield from align(problem, pyramid.stages(many), choose_start(problem, many))), None
+    if problem.trusted and (best := measure_information(problem, best)).information is not None:
+        best = measure_information(problem, descend_secant(problem, best))
+        yield best.step
     iteration, rounds = best.step.iteration + 1, pyramid.search.rounds if problem.trusted else 0
     for _ in range(rounds):
         if not is_doubtful(problem, best) and problem.patches >= pyramid.search.patches:
             break
         found = yield from search(problem, best, iteration)
-        best, rival, iteration = found.best, found.rival, found.iteration
+        best, rival, iteration = measure_information(problem, found.best), found.rival, found.iteration
     best = dataclasses.replace(best, step=dataclasses.replace(best.step, iteration=iteration - 1))
     result = correct(problem, best, rival) if rounds else compute_posterior(problem, best)
     yield result.step

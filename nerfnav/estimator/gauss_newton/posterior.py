@@ -126,6 +126,9 @@ class Minimum:
     """Compared pixels."""
     iterate: Iterate
     """Poses with their costs and curvatures."""
+    information: Float[Tensor, "6 6"] | None = None
+    """What the picture tells of the pose, measured over the uncertainty (see secant.py); None: slopes at the pose
+    tell it."""
 
 
 def is_doubtful(problem: UpdateProblem, minimum: Minimum) -> bool:
@@ -147,24 +150,23 @@ def correct(problem: UpdateProblem, minimum: Minimum, rival: Minimum | None = No
     other = None if rival is None else compute_posterior(problem, rival)
     if other is None or other.outcome is FilterOutcome.DIVERGED:
         return result
-    return merge_rival(result, other, _information_ratio(problem, minimum))
+    return merge_rival(result, other, information_ratio(problem, minimum))
 
 
 @torch.no_grad()
 def compute_posterior(problem: UpdateProblem, minimum: Minimum) -> FilterResult:
     """Return the posterior at a minimum (Laplace), or the prediction where the minimum fails a gate."""
     config, step = problem.config, minimum.step
-    information, change = picture_information(minimum.iterate), minimum.iterate.change[0, _POSE]
+    information, change = information_at(problem, minimum), minimum.iterate.change[0, _POSE]
     passes = step.process <= config.innovation_gate and not _median_exceeds(problem, step, config.residual_gate)
     if not passes or not information.isfinite().all():
         return FilterResult(problem.prediction, FilterOutcome.DIVERGED, step)
-    ratio = _information_ratio(problem, minimum)
-    information = information / ratio
     adapted = _adapt_noise(problem, change, information)
     mean = step.mean if adapted is problem else adapted.state(step.mean.pose, change)
     prediction = adapted.prediction.covariance
     if config.exact_covariance:
-        noise = replace(config.color_noise, alike=ratio * problem.correlated(len(minimum.selection.observation.pixels)))
+        alike = information_ratio(problem, minimum) * problem.correlated(len(minimum.selection.observation.pixels))
+        noise = replace(config.color_noise, alike=alike)
         seen = minimum.selection.observation.exposed(minimum.iterate.guess.exposure[0])
         hessian = PoseCost.of(seen, adapted.prediction, noise).hessian(mean)
     else:
@@ -176,6 +178,13 @@ def compute_posterior(problem: UpdateProblem, minimum: Minimum) -> FilterResult:
     outcome = FilterOutcome.UPDATED if halved >= _LEAST_DIRECTIONS else FilterOutcome.WEAK
     mean = replace(mean, rotation=so3.project(mean.rotation))
     return FilterResult(Belief(mean, covariance), outcome, replace(step, mean=mean), curvature)
+
+
+def information_at(problem: UpdateProblem, minimum: Minimum) -> Float[Tensor, "6 6"]:
+    """Return the information of the picture about the pose at a minimum."""
+    if minimum.information is not None:
+        return minimum.information
+    return picture_information(minimum.iterate) / information_ratio(problem, minimum)
 
 
 def downgrade_unexplained(result: FilterResult, prediction: Belief) -> FilterResult:
@@ -226,7 +235,7 @@ def _mean_square(problem: UpdateProblem, minimum: Minimum) -> float:
     return step.photometric / kappa / step.residual.numel() / 3
 
 
-def _information_ratio(problem: UpdateProblem, minimum: Minimum) -> float:
+def information_ratio(problem: UpdateProblem, minimum: Minimum) -> float:
     """Return how many times less a picture tells than held-out views do, by its own differences and its patches."""
     if not problem.config.adaptive:
         return 1.0

@@ -30,6 +30,9 @@ Slopes = Callable[[Int[Tensor, "m 2"]], Float[Tensor, "m 3 6"]]
 _LEAST_TOLD = 1e-6
 """Added to A, as a share of its mean diagonal, for directions of which no pixel tells anything."""
 
+_AROUND, _LEAST_STEEP = 9, 1e-3
+"""Side of the square whose steepest pixel counts [pixels]; what pixels of a plain area count [share of the mean]."""
+
 
 class PixelDraw(Enum):
     """Selection of pixels; the value is the user's text."""
@@ -149,6 +152,20 @@ def draw_by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: t
     leverage = whitened.square().sum(0).reshape(-1, 3).sum(-1)
     late = torch.empty_like(leverage).exponential_(generator=generator) / leverage.clamp_min(1e-30)
     return late.argsort()[:count]
+
+
+def draw_by_gradient(
+    image: UInt8[Tensor, "height width 3"], count: int, generator: torch.Generator
+) -> Int[Tensor, "m 2"]:
+    """Draw different pixels by the largest difference of neighbours around them, of the mean over the channels."""
+    grey = image.float().mean(-1)
+    steep = torch.zeros_like(grey)
+    steep[:, 1:] += grey.diff(dim=1).abs()
+    steep[1:] += grey.diff(dim=0).abs()
+    steep = torch.nn.functional.max_pool2d(steep[None], _AROUND, 1, _AROUND // 2).flatten()
+    likely = steep + _LEAST_STEEP * steep.mean() + 1e-6
+    late = torch.empty_like(likely).exponential_(generator=generator) / likely
+    return _places(late.argsort()[:count], image)
 
 
 def _places(index: Int[Tensor, " m"], image: UInt8[Tensor, "height width 3"]) -> Int[Tensor, "m 2"]:

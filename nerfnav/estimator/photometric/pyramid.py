@@ -82,6 +82,24 @@ class SearchConfig:
 
 
 @dataclass(frozen=True)
+class SecantConfig:
+    """Options of secants in the filter (gauss_newton/secant.py)."""
+
+    checked: int = 192
+    """Pixels by which the information of a picture is measured."""
+    overstated: float = 1.5
+    """Slopes at a pose hold while the standard deviations that secants leave are at most this many times as large
+    (geometric mean). It is 0.9 in Stonehenge, 2 to 4 in plain rooms."""
+    widened: float = 2.0
+    """Measurement begins over so many times the standard deviations that slopes leave: an end that stalled is about as
+    far off."""
+    settle: int = 3
+    """Rounds of the measurement."""
+    rounds: int = 5
+    """Steps of a descent by secants."""
+
+
+@dataclass(frozen=True)
 class PyramidConfig:
     """Options of the descent from coarse to fine."""
 
@@ -122,6 +140,8 @@ class PyramidConfig:
     """Standard deviation of the prediction, in pixels of the first stage, from which one start may not be enough."""
     search: SearchConfig = field(default_factory=SearchConfig)
     """Search where the result is doubtful."""
+    secant: SecantConfig = field(default_factory=SecantConfig)
+    """Secant statistics where slopes at a point overstate what a picture tells."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for steps that would be shortened, or go back."""

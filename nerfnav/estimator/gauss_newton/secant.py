@@ -1,0 +1,116 @@
+"""Secants in the filter: measure the information at a minimum over the uncertainty, and descend by secants.
+
+Slopes at a pose are the cheap answer, and hold where a picture is textured. Where they overstate what the picture tells
+(photometric/secant.py), the descent that used them has stalled as likely as not: Gauss and Newton's steps are then
+taken by secants from the prediction, each over the P that the one before left, and end with a descent by slopes.
+"""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.estimator.core.belief import POSE
+from nerfnav.estimator.gauss_newton.alignment import record
+from nerfnav.estimator.gauss_newton.posterior import (
+    Minimum,
+    Selection,
+    UpdateProblem,
+    information_at,
+    information_ratio,
+)
+from nerfnav.estimator.photometric.levenberg_marquardt import EXPOSURE, Guess, NewtonConfig, Prior, improve
+from nerfnav.estimator.photometric.pixel_selection import PixelChoice, PixelSource, draw_by_gradient
+from nerfnav.estimator.photometric.residuals import Observation
+from nerfnav.estimator.photometric.secant import Secants, measure_secants
+from nerfnav.geometry import so3
+
+
+@dataclass(frozen=True)
+class PoseGaussian:
+    """Gaussian of the pose in a round."""
+
+    guess: Guess
+    """Mean pose, and exposure; batch shape (1,)."""
+    covariance: Float[Tensor, "6 6"]
+    """P, in the tangent of the pose; 64 bits."""
+
+
+def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
+    """Return a minimum with the information of its picture where slopes at the pose overstate that; else as it is."""
+    config, known = problem.config.pyramid.secant, problem.pose_information.double()
+    here = information_at(problem, minimum).double()
+    found = here / config.widened**2
+    seen = _thin(minimum.selection.observation, config.checked)
+    compared = len(minimum.selection.observation.pixels)  # of which those that are measured are a share
+    alike = problem.correlated(compared) * len(seen.pixels) / compared * information_ratio(problem, minimum)
+    exposure = problem.prior(compared).information[EXPOSURE, EXPOSURE]
+    for round_ in range(config.settle):
+        secants = _measure(seen, PoseGaussian(minimum.iterate.guess, _inverse(found + known)), problem)
+        found = secants.pose_information(alike, exposure)
+        overstated = float(torch.exp((torch.logdet(here + known) - torch.logdet(found + known)) / len(POSE)))
+        if round_ == 0 and not overstated > config.overstated:
+            return minimum
+    return replace(minimum, information=found.to(problem.pose_information))
+
+
+def descend_secant(problem: UpdateProblem, before: Minimum) -> Minimum:
+    """Return the minimum of a descent from the prediction that steps by secants, then by slopes.
+
+    `before` is the end of the descent by slopes, which may have stalled.
+    """
+    pyramid = problem.config.pyramid
+    pixels = draw_by_gradient(problem.image, pyramid.pixels, problem.generator)
+    seen = Observation.of(problem.image, pixels, problem.view.at(0))
+    covariance = problem.prediction.covariance[POSE][:, POSE].double()
+    here = PoseGaussian(Guess.at(problem.prediction.mean.pose[None]), covariance)
+    for _ in range(pyramid.secant.rounds):
+        here = _step(seen, here, problem)
+    newton = NewtonConfig(
+        pyramid.iterations[-1], robust=pyramid.robust[-1], settled=pyramid.settled, stretch=pyramid.stretch
+    )
+    *_, end = improve(seen, here.guess, problem.prior(len(pixels)), newton, every=False)
+    selection = Selection(seen, pixels, PixelSource.FEATURES, PixelChoice(pixels, PixelSource.FEATURES))
+    return Minimum(record(problem, end, selection, before.step.iteration + 1), selection, end)
+
+
+def _step(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> PoseGaussian:
+    """Take Gauss and Newton's step to the minimum, in units of P."""
+    prior = problem.prior(len(seen.pixels))
+    secants = _measure(seen, here, problem)
+    scale = torch.block_diag(secants.root, torch.eye(2).double())
+    known, change = prior.information.double(), _change(here.guess, prior)
+    doubt = max(1.0, float((secants.weight * secants.residual.square()).mean()))
+    alike = problem.correlated(len(seen.pixels)) * doubt
+    curvature = secants.information / alike + scale.T @ known @ scale
+    push = secants.columns.T @ (secants.weight * secants.residual) / alike + scale.T @ (known @ change)
+    step = -scale @ torch.linalg.solve(curvature, push)
+    covariance = scale @ torch.linalg.inv(curvature) @ scale.T
+    return PoseGaussian(here.guess.retract(step.float()[None]), 0.5 * (covariance + covariance.T)[:6, :6])
+
+
+def _measure(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> Secants:
+    config = problem.config
+    return measure_secants(seen, here.guess, here.covariance, config.color_noise.std, config.pyramid.robust[-1])
+
+
+def _change(guess: Guess, prior: Prior) -> Float[Tensor, "8"]:
+    """Return how far a guess is from what is known."""
+    change = torch.cat([torch.zeros(6), guess.exposure[0]]).double()
+    if prior.mean is not None:
+        pose = guess.pose[0]
+        turn = so3.local(prior.mean.rotation, pose.rotation)
+        change[:6] = torch.cat([pose.position - prior.mean.position, turn])
+    return change
+
+
+def _thin(seen: Observation, count: int) -> Observation:
+    """Return evenly many of the pixels, which are in random order."""
+    every = max(1, len(seen.pixels) // count)
+    return replace(seen, pixels=seen.pixels[::every], colors=seen.colors[::every])
+
+
+def _inverse(matrix: Float[Tensor, "6 6"]) -> Float[Tensor, "6 6"]:
+    inverse = torch.linalg.inv(matrix)
+    return 0.5 * (inverse + inverse.T)

@@ -1,0 +1,76 @@
+"""Secant statistics: derivatives of a picture's colours at the scale of the uncertainty, not at a point.
+
+A learned field is rough: over millimetres its colours change by stains that its pictures taught it. There, slopes at a
+point overstate what a picture tells about centimetres, and descents by them stall in small minima. So colours C are
+taken over the whole uncertainty P of the pose. With P = L L', and l_i the columns of L, at x (+) +-sqrt(6) l_i,
+
+    c = mean of the 12 renderings,   D_i = (C(+ l_i) - C(- l_i)) / (2 sqrt 6)
+    e = mean of (C - c)^2 - sum of D_i^2 >= 0         (what is not straight counts as noise)
+
+(unscented transform, Julier and Uhlmann 2004; statistical linearisation, Gelb, "Applied optimal estimation", 1974,
+Sec. 6.2).
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.estimator.photometric.levenberg_marquardt import EXPOSURE, POSE, Guess
+from nerfnav.estimator.photometric.residuals import Observation, residuals
+from nerfnav.geometry import Pose, so3
+
+_AWAY = 6.0**0.5
+"""Distance of the renderings from the middle [standard deviations]: of six numbers, the second moments are exact."""
+
+
+@dataclass(frozen=True)
+class Secants:
+    """Derivatives of c colours over the covariance P of a pose; 64 bits."""
+
+    root: Float[Tensor, "6 6"]
+    """L."""
+    columns: Float[Tensor, "c 8"]
+    """Derivatives by the six standard deviations (columns of L), gain and bias."""
+    residual: Float[Tensor, " c"]
+    """Mean colour less the picture's."""
+    weight: Float[Tensor, " c"]
+    """Huber's weight over the variance s^2 + e."""
+
+    @property
+    def information(self) -> Float[Tensor, "8 8"]:
+        """Information of independent colours, in units of P and of the exposure."""
+        return self.columns.T @ (self.weight[:, None] * self.columns)
+
+    def pose_information(self, alike: float, exposure: Float[Tensor, "2 2"]) -> Float[Tensor, "6 6"]:
+        """Return the information on the pose [1/m^2, 1/rad^2] where so many colours err `alike`.
+
+        Gain and bias, of which `exposure` is known, are marginalised (Schur's complement).
+        """
+        whole, inverse = self.information / alike, torch.linalg.inv(self.root)
+        cross = whole[POSE, EXPOSURE]
+        told = whole[POSE, POSE] - cross @ torch.linalg.solve(whole[EXPOSURE, EXPOSURE] + exposure.double(), cross.T)
+        return inverse.T @ told @ inverse
+
+
+@torch.no_grad()
+def measure_secants(
+    seen: Observation, guess: Guess, covariance: Float[Tensor, "6 6"], noise_std: float, robust: float
+) -> Secants:
+    """Measure the secants of the colours over the `covariance` of one pose (1,).
+
+    `noise_std` is s, of one colour, and `robust` Huber's bound [1 = full scale].
+    """
+    pose, (gain, bias) = guess.pose[0], guess.exposure[0].double()
+    root = torch.linalg.cholesky(covariance.double())
+    away = _AWAY * torch.cat([root.T, -root.T]).to(pose.position)
+    poses = Pose(so3.retract(pose.rotation.expand(len(away), 3, 3), away[:, 3:]), pose.position + away[:, :3])
+    shown = (residuals(seen, poses) + seen.colors).flatten(1).double()
+    ahead, behind = shown.chunk(2)
+    mean, slopes = shown.mean(0), (ahead - behind) / (2 * _AWAY)
+    bent = ((shown - mean).square().mean(0) - slopes.square().sum(0)).clamp_min(0)
+    residual = (1 + gain) * mean + bias - seen.colors.flatten().double()
+    huber = (robust / residual.abs().clamp_min(1e-9)).clamp_max(1)
+    columns = torch.cat([(1 + gain) * slopes, mean[None], torch.ones_like(mean)[None]]).T
+    return Secants(root, columns, residual, huber / (noise_std**2 + bent))

@@ -1,0 +1,132 @@
+"""Secants: what a picture tells over the whole uncertainty, and descents by that where slopes mislead."""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from nerfnav.core.steps import run_steps
+from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.filter_config import FilterConfig
+from nerfnav.estimator.gauss_newton.alignment import align, start_at_mean
+from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
+from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, information_at
+from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, NewtonConfig, Prior, improve, picture_information
+from nerfnav.estimator.photometric.pixel_selection import draw_by_gradient
+from nerfnav.estimator.photometric.pyramid import SecantConfig
+from nerfnav.estimator.photometric.residuals import ColorNoise, Observation
+from nerfnav.estimator.photometric.secant import measure_secants
+from nerfnav.field.models.levels import raw_of
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.geometry.camera import FORWARD_MOUNT
+from nerfnav.geometry.grid import node_positions, shape_for
+from nerfnav.robots import StateNoise
+from tests.estimator.places import BOX, CAMERA, HERE, ROBOT, balls, collect, draws, near, picture, voxel_balls
+
+EXPOSURE = torch.eye(2) * 1e8
+PIXELS = CAMERA.pixels()
+
+
+def stained(size: float, seed: int = 0) -> VoxelField:
+    """The balls with stains in their colours, from node to node."""
+    field = voxel_balls()
+    values = field.values.clone()
+    values[..., 1:] += size * torch.randn(values[..., 1:].shape, generator=draws(seed))
+    return replace(field, values=values)
+
+
+def plain(stains: float = 0.0) -> VoxelField:
+    """The balls in two shades of grey before a grey background on a grid of 12 mm, with stains of the field."""
+    field = balls()
+    points = node_positions(BOX, shape_for(BOX, 0.012))
+    colors = field.radiance(points, torch.zeros_like(points))
+    values = torch.cat([raw_of(field.density(points))[..., None], colors], -1)
+    values[..., 1:] = 0.5 + 0.12 * (values[..., 1:] - 0.5)
+    values[..., 1:] += stains * torch.randn(values[..., 1:].shape, generator=draws(0))
+    return VoxelField(BOX, values, torch.full((3,), 0.5))
+
+
+def secant_information(field: VoxelField, deviation: float) -> Tensor:
+    seen = Observation(field, CAMERA, FORWARD_MOUNT, PIXELS, torch.zeros(len(PIXELS), 3))
+    covariance = deviation**2 * torch.eye(6)
+    secants = measure_secants(seen, Guess.at(HERE.pose[None]), covariance, 0.02, 10.0)
+    return secants.pose_information(1.0, EXPOSURE).float()
+
+
+def slope_information(field: VoxelField) -> Tensor:
+    seen = Observation(field, CAMERA, FORWARD_MOUNT, PIXELS, torch.zeros(len(PIXELS), 3))
+    prior = Prior(torch.block_diag(torch.zeros(6, 6), EXPOSURE), None, 0.02**-2)
+    *_, here = improve(seen, Guess.at(HERE.pose[None]), prior, NewtonConfig(0, robust=10.0), every=False)
+    return picture_information(here)
+
+
+def test_over_a_small_uncertainty_secants_are_slopes():
+    field = voxel_balls()
+    secants, slopes = secant_information(field, 2e-4), slope_information(field)
+    assert (secants - slopes).norm() < 0.15 * slopes.norm()
+
+
+def test_stains_raise_what_slopes_promise_and_not_what_secants_tell():
+    clean, rough = voxel_balls(), stained(0.1)
+    promised = torch.logdet(slope_information(rough)) - torch.logdet(slope_information(clean))
+    told = torch.logdet(secant_information(rough, 0.03)) - torch.logdet(secant_information(clean, 0.03))
+    assert promised > 1.0
+    assert told < 0.3
+
+
+def minimum_in(field: VoxelField, place: VoxelField) -> tuple[UpdateProblem, Minimum]:
+    """The end of a descent by slopes, for a picture of a place and a prior of 3 cm."""
+    config = FilterConfig(color_noise=ColorNoise(std=0.02, per_patch=20.0, few_patches=1.0))
+    view = FastFilter(field, ROBOT, CAMERA, config=config).view
+    prediction = Belief(HERE, StateNoise(0.03, 0.01, 0.03, 0.01).covariance())
+    problem = UpdateProblem(view, config, prediction, picture(place, HERE), draws(0))
+    _, minimum = collect(align(problem, config.pyramid.stages(many=False), start_at_mean(problem)))
+    return problem, minimum
+
+
+def test_information_is_measured_by_secants_only_where_slopes_overstate_it():
+    problem, minimum = minimum_in(voxel_balls(), voxel_balls())
+    assert measure_information(problem, minimum).information is None
+    problem, minimum = minimum_in(plain(stains=0.06), plain())
+    measured = measure_information(problem, minimum).information
+    assert measured is not None
+    known, slopes = problem.pose_information, information_at(problem, minimum)
+    narrower = torch.logdet(slopes + known) - torch.logdet(measured + known)
+    assert narrower > 1.0
+    assert torch.linalg.eigvalsh(measured).min() > 0
+
+
+def test_a_descent_by_secants_reaches_the_picture_from_a_wide_prediction():
+    """On a place without stains it ends where the picture was taken."""
+    field, away = voxel_balls(), torch.tensor([0.03, -0.02, 0.02, 0, 0, 0, 0.02, -0.03, 0.03, 0, 0, 0])
+    config = FilterConfig(gain_std=0, bias_std=0)
+    view = FastFilter(field, ROBOT, CAMERA, config=config).view
+    prediction = Belief(HERE.retract(away), StateNoise(0.03, 0.01, 0.03, 0.01).covariance())
+    problem = UpdateProblem(view, config, prediction, picture(field, HERE), draws(0))
+    _, before = collect(align(problem, config.pyramid.stages(many=False)[:1], start_at_mean(problem)))
+    end = descend_secant(problem, before)
+    assert (end.iterate.guess.pose.position[0] - HERE.position).norm() < 2e-3
+    assert end.step.iteration > before.step.iteration
+    assert len(end.selection.places) == min(config.pyramid.pixels, len(PIXELS))
+
+
+def test_where_slopes_hold_an_update_is_the_same_with_and_without_secants():
+    config = FilterConfig()
+    without = replace(config, pyramid=replace(config.pyramid, secant=SecantConfig(overstated=float("inf"))))
+    prediction: Belief = near(HERE, 3, StateNoise(0.004, 0.004, 0.004, 0.004))
+    image = picture(voxel_balls(), HERE)
+    first, second = (
+        run_steps(FastFilter(voxel_balls(), ROBOT, CAMERA, config=each).correct(prediction, image, draws(0)))
+        for each in (config, without)
+    )
+    assert torch.equal(first.posterior.covariance, second.posterior.covariance)
+    assert torch.equal(first.posterior.mean.position, second.posterior.mean.position)
+
+
+def test_pixels_are_drawn_where_the_picture_is_steep():
+    image = torch.full((20, 40, 3), 90, dtype=torch.uint8)
+    image[:, 30:] = 200
+    pixels = draw_by_gradient(image, 60, draws(0))
+    assert len({tuple(pixel) for pixel in pixels.tolist()}) == 60
+    assert (pixels[:, 0] - 30).abs().max() <= 4
