@@ -34,6 +34,7 @@ COMMANDS = {
     "bake": "turn a field into a voxel field",
     "place": "georeference a field: set its scale and floor, and crop it",
     "info": "print what a field file holds",
+    "calibrate": "measure how far the pictures of a field can be trusted",
     "plan": "plan a trajectory through a field",
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
     "localize": "find where in a field a picture was taken",

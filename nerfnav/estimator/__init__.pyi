@@ -1,4 +1,6 @@
 from . import estimators as estimators
+from .calibration import Calibration as Calibration
+from .calibration import calibrate_field as calibrate_field
 from .core.belief import Belief as Belief
 from .core.filter_config import DescentConfig as DescentConfig
 from .core.filter_config import FastConfig as FastConfig

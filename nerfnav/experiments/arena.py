@@ -11,7 +11,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, GlobalLocalizer
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
 from nerfnav.field import VoxelField
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots import CAMERA, RigidState
@@ -58,4 +58,6 @@ def take_picture(renderer: MeshRenderer, pose: Pose) -> UInt8[Tensor, "height wi
 @per_arena
 def make_searcher(arena: Arena, camera: Camera = CAMERA, noise: ColorNoise | None = None) -> GlobalLocalizer:
     """Make the searcher of the arena's field; the noise is by default that of the field."""
-    return GlobalLocalizer(arena.field, camera, noise or ColorNoise().measured(arena.field.info.noise_std))
+    info = arena.field.info
+    config = RelocaliseConfig().for_field(info)
+    return GlobalLocalizer(arena.field, camera, noise or ColorNoise().measured(info.noise_std), config)

@@ -93,9 +93,10 @@ class SupervisorConfig:
     limit of the paper's robot."""
     widen: float = 1.7
     """Factor on all standard deviations of the belief for each picture that disagrees."""
-    found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
-    """Standard deviations of the belief after the robot was found: its pose is known well, its velocities hardly, for
-    it was flown on a wrong belief. With a tenth of this on the rates, the next pictures are rejected again."""
+    found: StateNoise = field(default_factory=lambda: StateNoise(0.005, 2.0, 0.005, 3.0))
+    """Standard deviations of the belief after the robot was found, beyond those of the search: its velocities are
+    hardly known, for it was flown on a wrong belief. With a tenth of this on the rates, the next pictures are rejected
+    again."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for negative rates or standard deviations."""
@@ -346,7 +347,8 @@ class Supervisor:
         yield found
         if found.outcome is not RelocaliseOutcome.FOUND:
             return None
-        return Belief(belief.mean.moved_to(found.step.body_poses(self.mount)[0]), self.config.found.covariance())
+        covariance = self.config.found.covariance() + found.state_covariance(self.mount)
+        return Belief(belief.mean.moved_to(found.step.body_poses(self.mount)[0]), covariance)
 
 
 def sees_little(outcome: FilterOutcome | None) -> bool:

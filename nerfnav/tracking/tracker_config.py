@@ -25,6 +25,7 @@ class TrackerConfig:
             kept=(96, 20, 5, 2),
             iterations=(6, 6, 8, 10),
             pixels=448,
+            settling_pixels=1500,
             gate=1.1,
         )
     )
@@ -62,10 +63,15 @@ class TrackerConfig:
     """Pictures of which the usual difference is taken."""
 
     def for_field(self, info: FieldInfo) -> "TrackerConfig":
-        """Return the options with the measured properties of a field."""
+        """Return the options with the measured properties of a field; pose errors of photographs go before the
+        calibration of flights' filter."""
+        known = info
+        if info.pose_floor:
+            floor = None if info.information_ratio is not None else info.position_floor_m
+            known = replace(info, information_ratio=1.0, position_floor_m=floor)
         return replace(
             self,
-            filter=self.filter.for_field(info),
+            filter=self.filter.for_field(known),
             search=self.search.for_field(info),
             floor=info.pose_floor,
         )

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.belief import POSE, Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterUpdate
 from nerfnav.estimator.relocalize.global_localization import (
     Relocalisation,
@@ -36,7 +36,7 @@ from nerfnav.navigation.supervisor import (
 )
 from nerfnav.planner.risk.tracking_error import PAPER_NOISE, tracking_deviations
 from nerfnav.robots import StateNoise
-from nerfnav.robots.state import POSITION
+from nerfnav.robots.state import POSITION, VELOCITY
 from tests.navigation.doubles import CALM, REQUEST, ROBOT, START, Oracle, StraightPlanner, draws, grey, simulator
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM, recovery=SupervisorConfig(lost_s=10.0))
@@ -62,7 +62,7 @@ class GlobalLocalizer:
         yield step
         last = replace(step, fraction=1.0)
         yield last
-        return RelocaliseResult(outcome, last)
+        return RelocaliseResult(outcome, last, 1e-4 * torch.eye(6))
 
 
 @dataclass
@@ -171,7 +171,9 @@ def test_a_search_that_was_asked_for_is_done_though_nothing_seems_wrong_and_what
     steps = [event for event in events if isinstance(event, NavigationStep)]
     assert [step.recovery for step in steps[1:5]] == [None, None, SupervisorAction.RELOCALISED, None]
     assert searcher.asked == 1 and sum(isinstance(event, RelocaliseStep) for event in events) == 2
-    assert torch.equal(steps[3].belief.covariance, CONFIG.recovery.found.covariance())
+    believed, known = steps[3].belief.covariance.diagonal(), CONFIG.recovery.found.covariance().diagonal()
+    assert torch.allclose(believed[POSE], known[POSE] + 1e-4), "the search's own covariance counts"
+    assert torch.equal(believed[VELOCITY], known[VELOCITY])
     assert steps[-1].outcome is EpisodeOutcome.REACHED
 
 

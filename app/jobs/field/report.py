@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 import nerfnav_scenes as scenes
-from nerfnav.estimator import ColorNoise, encode_views, measure_map_error
+from nerfnav.estimator import ColorNoise, calibrate_field, encode_views, measure_map_error
 from nerfnav.experiments import (
     FreeSpaceAccuracy,
     describe_free_space_accuracy,
@@ -17,7 +17,7 @@ from nerfnav.experiments import (
     measure_unproven_share,
     note_free_space,
 )
-from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
+from nerfnav.field import FieldInfo, NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers import Placement
 from nerfnav.importers.core.placement import Vector
 from nerfnav.importers.meshes.ground_truth import truth_path, write_truth_beside
@@ -52,8 +52,9 @@ def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
 def judge_field(
     trained: VoxelField | NeuralField, material: TrainingData
 ) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
-    """Measure the pose error and the free-space accuracy of a field; return the field with both, and the latter."""
-    trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
+    """Calibrate a field and measure its free-space accuracy; return the field with both, and the latter."""
+    if isinstance(trained, VoxelField):
+        trained = replace(trained, info=_calibrate(trained, material))
     accuracy = _accuracy_of(trained, material)
     return replace(trained, info=note_free_space(trained.info, accuracy)), accuracy
 
@@ -68,12 +69,16 @@ def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> F
     return measure_unproven_share(trained, voxel)
 
 
-def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
-    """Pose error of held-out photographs (see estimator/map_error)."""
-    if not isinstance(trained, VoxelField):
-        return ()
-    noise = ColorNoise().measured(trained.info.noise_std)
-    return measure_map_error(trained, material.held_out, noise, torch.Generator().manual_seed(0))
+def _calibrate(trained: VoxelField, material: TrainingData) -> FieldInfo:
+    """Info with the calibration by held-out photographs, and of a capture with their pose error, for trackers."""
+    info = trained.info
+    if (found := calibrate_field(trained, info, material.held_out)) is not None:
+        info = found.note_in(info)
+    if material.truth is not None:
+        return info
+    noise = ColorNoise().measured(info.noise_std)
+    floor = measure_map_error(trained, material.held_out, noise, torch.Generator().manual_seed(0))
+    return replace(info, pose_floor=floor)
 
 
 def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:

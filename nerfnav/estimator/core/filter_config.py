@@ -103,6 +103,9 @@ class FastConfig(UpdateConfig):
     """The same for a constant added to its colours [1 = full scale] (paper: 0)."""
     adaptive: bool = True
     """Adapt the sizes of Q and S to each picture (see prediction.py; paper: no)."""
+    uncalibrated: float = 4.0
+    """How many times less a picture tells in a trained field that was never calibrated (see calibration.py): standard
+    deviations are twice as wide."""
     noise_trust: float = 1.5
     """Degrees of freedom of the prior on Q's size where it is adapted."""
 
@@ -111,11 +114,21 @@ class FastConfig(UpdateConfig):
         return replace(self.floor, position_m=max(self.floor.position_m, self.grain * grain))
 
     def for_field(self: Config, info: FieldInfo) -> Config:
-        """Return the options with a field's measured noise and position bias; a floor that was set by hand stays."""
-        known, usual = replace(self, color_noise=self.color_noise.measured(info.noise_std)), FastConfig()
+        """Return the options with a field's measured noise and its calibration; a floor that was set by hand stays.
+
+        A picture of a field that was trained but never calibrated tells `uncalibrated` times less.
+        """
+        ratio = info.information_ratio
+        if ratio is None:
+            trusted = info.noise_std is None or info.position_floor_m is not None
+            ratio = 1.0 if trusted else self.uncalibrated
+        usual, noise = FastConfig(), self.color_noise.measured(info.noise_std)
+        known = replace(self, color_noise=replace(noise, per_patch=noise.per_patch / ratio))
         if info.position_floor_m is None or (self.floor, self.grain) != (usual.floor, usual.grain):
             return known
-        return replace(known, floor=replace(self.floor, position_m=info.position_floor_m), grain=0.0)
+        attitude = self.floor.attitude_rad if info.attitude_floor_rad is None else info.attitude_floor_rad
+        floor = replace(self.floor, position_m=info.position_floor_m, attitude_rad=attitude)
+        return replace(known, floor=floor, grain=0.0)
 
 
 @dataclass(frozen=True)

@@ -94,13 +94,13 @@ def search(problem: UpdateProblem, best: Minimum, iteration: int) -> Generator[F
     found = yield from align(problem, [rivalry], start)
     start = _next_start(found, len(found.iterate.cost))
     ends, mine = start.guess.pose, found.iterate.guess.pose[-1]
-    others = [index for index in range(len(start.guess.exposure)) if not _are_alike(ends[index], mine, config.alike)]
+    others = [index for index in range(len(start.guess.exposure)) if not are_alike(ends[index], mine, config.alike)]
     if not others or (others[0] and is_doubtful(problem, best)):
         return SearchResult(best, None, start.iteration)
     start = replace(start, guess=start.guess[others[0] : others[0] + 1])
     found = yield from align(problem, [last], start)
     first, second = (found, best) if found.iterate.cost[0] < best.iterate.cost[0] else (best, found)
-    same = _are_alike(first.iterate.guess.pose[0], second.iterate.guess.pose[0], config.alike)
+    same = are_alike(first.iterate.guess.pose[0], second.iterate.guess.pose[0], config.alike)
     return SearchResult(first, None if same else second, found.step.iteration + 1)
 
 
@@ -188,7 +188,7 @@ def _select(
     return Selection(Observation.of(image, pixels, view), pixels, chosen.source, chosen)
 
 
-def _are_alike(first: Pose, second: Pose, bounds: tuple[float, float]) -> bool:
+def are_alike(first: Pose, second: Pose, bounds: tuple[float, float]) -> bool:
     """Return True for two poses nearer than this: position [m], attitude [rad]."""
     return bool(
         (first.position - second.position).norm() < bounds[0]

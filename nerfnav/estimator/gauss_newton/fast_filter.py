@@ -90,7 +90,7 @@ def _correct(problem: UpdateProblem) -> FilterUpdate:
     many = problem.trusted and image_deviation(problem.prediction, problem.view, pyramid.halvings[0]) > pyramid.narrow
     best, rival = (yield from align(problem, pyramid.stages(many), choose_start(problem, many))), None
     if problem.trusted and (best := measure_information(problem, best)).information is not None:
-        best = measure_information(problem, descend_secant(problem, best))
+        best, rival = descend_secant(problem, best)
         yield best.step
     iteration, rounds = best.step.iteration + 1, pyramid.search.rounds if problem.trusted else 0
     for _ in range(rounds):

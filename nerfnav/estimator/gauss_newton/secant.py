@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE
-from nerfnav.estimator.gauss_newton.alignment import record
+from nerfnav.estimator.gauss_newton.alignment import are_alike, record
 from nerfnav.estimator.gauss_newton.posterior import (
     Minimum,
     Selection,
@@ -55,10 +55,11 @@ def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     return replace(minimum, information=found.to(problem.pose_information))
 
 
-def descend_secant(problem: UpdateProblem, before: Minimum) -> Minimum:
-    """Return the minimum of a descent from the prediction that steps by secants, then by slopes.
+def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:
+    """Return the minimum of a descent from the prediction that steps by secants, then by slopes, and its rival.
 
-    `before` is the end of the descent by slopes, which may have stalled.
+    `before` is the end of the descent by slopes, which may have stalled: both go on over the same pixels, and where they
+    end apart, the one that costs more is the rival.
     """
     pyramid = problem.config.pyramid
     pixels = draw_by_gradient(problem.image, pyramid.pixels, problem.generator)
@@ -70,9 +71,16 @@ def descend_secant(problem: UpdateProblem, before: Minimum) -> Minimum:
     newton = NewtonConfig(
         pyramid.iterations[-1], robust=pyramid.robust[-1], settled=pyramid.settled, stretch=pyramid.stretch
     )
-    *_, end = improve(seen, here.guess, problem.prior(len(pixels)), newton, every=False)
+    starts = Guess.cat([here.guess, before.iterate.guess])
+    *_, ends = improve(seen, starts, problem.prior(len(pixels)), newton, every=False)
     selection = Selection(seen, pixels, PixelSource.FEATURES, PixelChoice(pixels, PixelSource.FEATURES))
-    return Minimum(record(problem, end, selection, before.step.iteration + 1), selection, end)
+    minima = [
+        Minimum(record(problem, end, selection, before.step.iteration + 1), selection, end)
+        for end in (ends[index : index + 1] for index in ends.cost.argsort().tolist())
+    ]
+    best, other = (measure_information(problem, minimum) for minimum in minima)
+    poses = ends.guess.pose
+    return best, None if are_alike(poses[0], poses[1], pyramid.search.alike) else other
 
 
 def _step(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> PoseGaussian:

@@ -23,6 +23,8 @@ from nerfnav.geometry import Pose, so3
 
 _AWAY = 6.0**0.5
 """Distance of the renderings from the middle [standard deviations]: of six numbers, the second moments are exact."""
+_ROUNDS = 6
+"""Rounds until a covariance settles: two are too few."""
 
 
 @dataclass(frozen=True)
@@ -74,3 +76,25 @@ def measure_secants(
     huber = (robust / residual.abs().clamp_min(1e-9)).clamp_max(1)
     columns = torch.cat([(1 + gain) * slopes, mean[None], torch.ones_like(mean)[None]]).T
     return Secants(root, columns, residual, huber / (noise_std**2 + bent))
+
+
+def settle_covariance(
+    seen: Observation,
+    guess: Guess,
+    start: Float[Tensor, "6 6"],
+    prior: Float[Tensor, "8 8"],
+    noise_std: float,
+    alike: float,
+    robust: float,
+) -> Float[Tensor, "6 6"]:
+    """Return the covariance of one pose (1,) over which the secants of the colours give the same covariance.
+
+    It is iterated from `start`; `prior` is the information on pose and exposure, `alike` as in `pose_information`.
+    """
+    covariance, prior = start.double(), prior.double()
+    for _ in range(_ROUNDS):
+        secants = measure_secants(seen, guess, covariance, noise_std, robust)
+        information = secants.pose_information(alike, prior[EXPOSURE, EXPOSURE]) + prior[POSE, POSE]
+        covariance = torch.linalg.inv(information)
+        covariance = 0.5 * (covariance + covariance.T)
+    return covariance.to(start)

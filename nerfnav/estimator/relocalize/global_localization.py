@@ -4,8 +4,19 @@ Panoramas from everywhere are rendered once for a field (panorama.py). A picture
 every heading and some tilts, the likeliest poses are improved on small pictures (levenberg_marquardt.py), the best
 few of them on larger ones, and so on; the rest is weighed by its cost J, for a pose is as likely as exp(-J / 2). The
 places may be everywhere or a few likely ones (localizer.py).
+
+In the end, poses around the best are improved too, on other pixels. They show whether its descent stalled, and which
+minima a rough cost has there. The covariance is that of the mixture of all ends near the best (Bar-Shalom, Li,
+Kirubarajan, "Estimation with applications to tracking and navigation", 2001, section 1.4.16),
+
+    Sigma = P + sum_i w_i d_i d_i',   w_i ~ exp(-J_i / 2)
+
+with P from secants (photometric/secant.py), d_i from the best, and J's noise no less than the best's own. A place is
+FOUND only where it differs from the picture no more than the field differs from held-out views, and all other places
+differ much more: the best of many false places has no such margin.
 """
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
@@ -16,6 +27,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from nerfnav.core.structs import TensorStruct
+from nerfnav.estimator.core.belief import POSE
 from nerfnav.estimator.photometric.levenberg_marquardt import (
     Guess,
     Iterate,
@@ -27,17 +39,19 @@ from nerfnav.estimator.photometric.levenberg_marquardt import (
     robust_square,
 )
 from nerfnav.estimator.photometric.pyramid import observe_reduced
-from nerfnav.estimator.photometric.residuals import ColorNoise
+from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, count_patches
+from nerfnav.estimator.photometric.secant import settle_covariance
 from nerfnav.estimator.relocalize.panorama import PanoramaConfig, PanoramaIndex
 from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
+from nerfnav.robots import TANGENT
 
-_NOTHING = 1e-4
-"""Information that stands for none [1/m^2, 1/rad^2]: a standard deviation of 100."""
 _USUAL = 2.6
 """Longest edge of a place [m]: Stonehenge's."""
 _NOISY = 0.037
 """Standard deviation of colours at which `vague` was chosen: Stonehenge's."""
+_PARTS = (slice(0, 3), slice(3, 6))
+"""Position and attitude in a pose's tangent."""
 _LEAST_KEPT = 3
 _FEWER, _FINER = 6, 2
 """So many times fewer poses are improved among those that are near to the capture's; at so many times fewer pixels
@@ -71,32 +85,46 @@ class RelocaliseConfig:
     """Pixels that each stage compares at most."""
     last_pixels: int | None = None
     """The same of the last stage; None: as many."""
+    settling_pixels: int = 3000
+    """The same of the ends of all attempts: over 1,024, a rough cost ends in a plain room twice as far off."""
     exposure_std: tuple[float, float] = (0.1, 0.05)
     """How far gain and bias of the picture's colours may be from those of the field."""
     alike: tuple[float, float] = (0.04, 0.2)
     """Poses nearer than this are one: position [longest edges of the box], attitude [rad]."""
     gate: float = 1.5
-    """LOST where the likeliest pose differs from the picture by more than this many standard deviations."""
+    """LOST where the likeliest pose differs from the picture by more than this many standard deviations ..."""
+    core_gate: float = 6.5
+    """... or this many of `core_std`: in a plain place, outliers of a few views make most of the noise, and false
+    places differ less than that."""
     certain: float = 0.9
-    """FOUND where the likeliest pose has at least this weight, else AMBIGUOUS."""
-    vague: tuple[float, float] = (0.006, 0.015)
-    """AMBIGUOUS also where the picture leaves the likeliest pose a larger standard deviation than this in some
+    """FOUND where the likeliest pose has at least this weight, else AMBIGUOUS ..."""
+    margin: float = 1.4
+    """... and where each other place differs from the picture this many times as much, at least. Right places in
+    bundled worlds have margins of 1.9 and more, false ones in plain rooms 1.2 to 1.5."""
+    around: tuple[float, float] = (0.012, 0.04)
+    """Standard deviation of the poses around the best that are improved, too: position [longest edges of the box],
+    attitude [rad]."""
+    restarts: int = 15
+    """Number of these."""
+    core_std: float | None = None
+    """Standard deviation of the field's colours on held-out views without outliers (`FieldInfo.noise_core_std`); None
+    where it is unknown."""
+    vague: tuple[float, float] = (0.015, 0.03)
+    """AMBIGUOUS also where the covariance of the likeliest pose has a larger standard deviation than this in some
     direction: position [longest edges of the box], attitude [rad]; more where colours are noisier than `_NOISY`, up to
-    half of `alike`. What little shows in a picture of the sky looks alike from many places, more than are compared,
-    which is no matter of how noisy colours are. Of 32 pictures of Stonehenge (2.6 m), none that was found rightly left
-    more than 0.007 m and 0.010; one of the sky that was found 0.8 m away from where it was taken left 0.008 m and
-    0.019."""
+    half of `alike`. What little shows in a picture of the sky looks alike from many places, more than are compared."""
     views: tuple[float, ...] = ()
     """Poses of the photographs that the field learned from (`FieldInfo.views`); empty where they are unknown."""
 
     def for_field(self, info: FieldInfo) -> "RelocaliseConfig":
-        """Return the options with the poses of a field's capture."""
-        return replace(self, views=info.views)
+        """Return the options with the poses of a field's capture, and with its noise without outliers."""
+        return replace(self, views=info.views, core_std=info.noise_core_std)
 
     def in_place(self, size: float) -> "RelocaliseConfig":
         """Return the options with lengths in metres, for a place whose longest edge is `size` [m]."""
-        alike, vague = ((size * share, angle) for share, angle in (self.alike, self.vague))
-        return replace(self, alike=alike, vague=vague, settled=min(1.0, size / _USUAL) * self.settled)
+        alike, vague, around = ((size * share, angle) for share, angle in (self.alike, self.vague, self.around))
+        settled = min(1.0, size / _USUAL) * self.settled
+        return replace(self, alike=alike, vague=vague, around=around, settled=settled)
 
     def near(self) -> "RelocaliseConfig":
         """Return the options for poses near to the capture's, which are few."""
@@ -146,6 +174,19 @@ class RelocaliseResult:
     """Number of places that look like the picture."""
     step: RelocaliseStep
     """Last step: the likeliest poses with their weights."""
+    covariance: Float[Tensor, "6 6"]
+    """Covariance of the likeliest T_world_camera: position [m] in the world's axes, attitude [rad] in the camera's
+    tangent, R Exp(dtheta)."""
+
+    def state_covariance(self, mount: Pose = FORWARD_MOUNT) -> Float[Tensor, "12 12"]:
+        """Return the covariance in the tangent of the state whose pose is `step.body_poses(mount)[0]`; no rates."""
+        body = self.step.body_poses(mount)[0]
+        change = torch.eye(6)
+        change[:3, 3:] = body.rotation @ so3.hat(mount.position) @ mount.rotation
+        change[3:, 3:] = mount.rotation
+        covariance, pose = torch.zeros(TANGENT, TANGENT), torch.tensor(POSE)
+        covariance[pose[:, None], pose] = change @ self.covariance @ change.T
+        return covariance
 
 
 Relocalisation = Generator[RelocaliseStep, None, RelocaliseResult]
@@ -177,12 +218,11 @@ def search_panoramas(
     poses, misfit = panoramas.likeliest(image, config.attempts * config.kept[0], (gain, bias))
     first = _Ranking(poses, misfit / unit, misfit.clamp_min(0).sqrt())
     best, done = None, 0.0
-    while best is None or (best.outcome is RelocaliseOutcome.LOST and len(first.cost)):
+    while best is None or (best.outcome is not RelocaliseOutcome.FOUND and len(first.cost)):
         mine, first = first[: config.kept[0]], first[config.kept[0] :]
-        ranking, deviations = yield from _improve(mine, image, panoramas, noise, config, share, done)
-        if best is None or ranking.differences[0] < best.step.differences[0]:
-            step = ranking.step(1.0)
-            best = RelocaliseResult(_judge(step, deviations, noise, config), step)
+        ranking = yield from _improve(mine, image, panoramas, noise, config, share, done)
+        poses = ranking.poses if best is None else Pose.cat([best.step.poses, ranking.poses])
+        best = _settle(poses, image, panoramas, noise, config)
         done += 1 / config.attempts
     return best
 
@@ -207,13 +247,9 @@ def _improve(
     config: RelocaliseConfig,
     share: float,
     done: float,
-) -> Generator[RelocaliseStep, None, tuple[_Ranking, Float[Tensor, "2"]]]:
-    """Improve poses through all stages; `done` is the share of the whole search that was done before.
-
-    Returns them, and the largest standard deviations of the best.
-    """
-    generator, deviations = torch.Generator().manual_seed(0), torch.full((2,), torch.inf)
-    exposure = join_information(None, config.exposure_std)
+) -> Generator[RelocaliseStep, None, _Ranking]:
+    """Improve poses through all stages; `done` is the share of the whole search that was done before."""
+    generator = torch.Generator().manual_seed(0)
     stages = zip(config.halvings, config.kept, config.iterations, config.robust, strict=True)
     for stage, (halvings, kept, iterations, robust) in enumerate(stages):
         ranking = ranking[ranking.cost.argsort()[:kept]]
@@ -221,14 +257,57 @@ def _improve(
         last_one = stage + 1 == len(config.halvings)
         pixels = config.last_pixels if last_one and config.last_pixels is not None else config.pixels
         seen = observe_reduced(image, panoramas.view.at(halvings), pixels, generator)
-        kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * noise.std**2)
-        settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
-        *_, here = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
-        differences = robust_square(here.residual.abs(), robust).mean((1, 2)).sqrt()
-        deviations = _largest_deviations(here) if last_one else deviations
-        ranking = _Ranking(here.guess.pose, here.cost, differences)
-        ranking = ranking[select_distinct(here.guess.pose, here.cost, config.alike)]
-    return ranking, deviations
+        ranking, _ = _descend(seen, ranking.poses, iterations, robust, noise, config)
+        ranking = ranking[select_distinct(ranking.poses, ranking.cost, config.alike)]
+    return ranking
+
+
+def _descend(
+    seen: Observation, poses: Pose, iterations: int, robust: float, noise: ColorNoise, config: RelocaliseConfig
+) -> tuple[_Ranking, Iterate]:
+    """Improve poses on the same pixels; return them also with their curvatures."""
+    kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * noise.std**2)
+    settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
+    prior = Prior(join_information(None, config.exposure_std), None, kappa)
+    *_, here = improve(seen, Guess.at(poses), prior, settings, every=False)
+    differences = robust_square(here.residual.abs(), robust).mean((1, 2)).sqrt()
+    return _Ranking(here.guess.pose, here.cost, differences), here
+
+
+def _settle(
+    poses: Pose, image: Tensor, panoramas: PanoramaIndex, noise: ColorNoise, config: RelocaliseConfig
+) -> RelocaliseResult:
+    """Improve the ends of all attempts, and poses around the best, on the same pixels; judge the result."""
+    generator = torch.Generator().manual_seed(1)
+    seen = observe_reduced(image, panoramas.view.at(0), config.settling_pixels, generator)
+    ends, here = _descend(seen, poses, config.iterations[-1], config.robust[-1], noise, config)
+    best = ends.poses[int(ends.cost.argmin())]
+    scale = torch.linspace(0, 1, config.restarts + 1)[1:, None]
+    shift, turn = (std * scale * torch.randn(len(scale), 3, generator=generator) for std in config.around)
+    around = Pose(so3.retract(best.rotation.expand(len(scale), 3, 3), turn), best.position + shift)
+    more, there = _descend(seen, around, config.iterations[-1], config.robust[-1], noise, config)
+    ends, here = _Ranking.cat([ends, more]), Iterate.cat([here, there])
+    step = ends[select_distinct(ends.poses, ends.cost, config.alike)].step(1.0)
+    covariance = _mixture_covariance(ends, here, seen, noise, count_patches(image, noise_std=noise.std), config)
+    return RelocaliseResult(judge(step, covariance, noise, config), step, covariance)
+
+
+def _mixture_covariance(
+    ends: _Ranking, here: Iterate, seen: Observation, noise: ColorNoise, patches: float, config: RelocaliseConfig
+) -> Float[Tensor, "6 6"]:
+    """Return Sigma of the best end, in its tangent, for a picture of so many patches."""
+    index = int(ends.cost.argmin())
+    best, doubt = ends.poses[index], max(1.0, float(ends.differences[index]) / noise.std) ** 2
+    turns = so3.local(best.rotation.expand_as(ends.poses.rotation), ends.poses.rotation)
+    away = torch.cat([ends.poses.position - best.position, turns], 1)
+    near = (away[:, :3].norm(dim=1) <= config.alike[0]) & (away[:, 3:].norm(dim=1) <= config.alike[1])
+    weights = torch.softmax(torch.where(near, -0.5 * ends.cost / doubt, -torch.inf), 0)
+    prior = join_information(torch.diag(torch.tensor(config.alike).repeat_interleave(3) ** -2.0), config.exposure_std)
+    start = torch.linalg.inv(picture_information(here, index) / doubt + prior[:6, :6])
+    alike = doubt * noise.alike_of(len(seen.pixels), patches) * max(1.0, noise.few_patches / patches)
+    guess = here.guess[index : index + 1]
+    spread = settle_covariance(seen, guess, start, prior, noise.std, alike, config.robust[-1])
+    return spread + (weights * away.T) @ away
 
 
 def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:
@@ -245,21 +324,17 @@ def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, 
     return order[torch.tensor(chosen)]
 
 
-def _largest_deviations(here: Iterate) -> Float[Tensor, "2"]:
-    """Return the largest standard deviations of the likeliest pose after a picture: position [m], attitude [rad]."""
-    known = picture_information(here, int(here.cost.argsort()[0])).double()
-    covariance = torch.linalg.inv(known + _NOTHING * torch.eye(6).double())
-    parts = [torch.linalg.eigvalsh(covariance[part, part])[-1].sqrt() for part in (slice(0, 3), slice(3, 6))]
-    return torch.stack(parts).float()
-
-
-def _judge(
-    step: RelocaliseStep, deviations: Float[Tensor, "2"], noise: ColorNoise, config: RelocaliseConfig
+def judge(
+    step: RelocaliseStep, covariance: Float[Tensor, "6 6"], noise: ColorNoise, config: RelocaliseConfig
 ) -> RelocaliseOutcome:
-    """Return the outcome by the fit, the weight and the standard deviations of the likeliest pose."""
-    if not step.differences[0] <= config.gate * noise.std:
+    """Return the outcome by the fit, the margin and the standard deviations of the likeliest pose."""
+    core = config.core_gate * config.core_std if config.core_std else math.inf
+    if not step.differences[0] <= min(config.gate * noise.std, core):
         return RelocaliseOutcome.LOST
+    deviations = torch.stack([torch.linalg.eigvalsh(covariance[part, part])[-1].sqrt() for part in _PARTS])
     noisier = max(1.0, noise.std / _NOISY)
     vague = torch.minimum(noisier * torch.tensor(config.vague), 0.5 * torch.tensor(config.alike))
     sharp = bool((deviations <= vague).all())
-    return RelocaliseOutcome.FOUND if sharp and step.weights[0] >= config.certain else RelocaliseOutcome.AMBIGUOUS
+    alone = bool((step.differences[1:] >= config.margin * step.differences[0]).all())
+    unique = alone and bool(step.weights[0] >= config.certain)
+    return RelocaliseOutcome.FOUND if sharp and unique else RelocaliseOutcome.AMBIGUOUS

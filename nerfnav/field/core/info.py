@@ -57,6 +57,12 @@ class FieldInfo:
     position_floor_m: float | None = None
     """Error of the map: standard deviation of positions found in pictures, along each coordinate, beyond the noise of
     the picture itself [m] (see estimator/map_error.py); None where it was never measured."""
+    attitude_floor_rad: float | None = None
+    """The same of attitudes [rad] (see estimator/calibration.py); None likewise."""
+    information_ratio: float | None = None
+    """How many times less a picture tells than the filter claims; None where it was never calibrated."""
+    failed_share: float | None = None
+    """Share of corrections by pictures from known poses that failed; None likewise."""
     pose_floor: tuple[float, ...] = ()
     """Error of the map: covariance of the poses that fit a picture best against the true ones (see
     estimator/map_error.py), 6 x 6, row by row; empty where it was never measured."""

@@ -64,7 +64,7 @@ def test_after_a_flight_the_robot_is_looked_for_by_its_last_picture(opened: Sess
     finding = after(session, m.FindRobot())
     assert finding.job is not None and finding.job.kind is JobKind.FIND
     assert finding.flight is session.flight, "the flight stays in sight"
-    found = reports(finding, candidates(), RelocaliseResult(RelocaliseOutcome.FOUND, candidates()))
+    found = reports(finding, candidates(), RelocaliseResult(RelocaliseOutcome.FOUND, candidates(), torch.eye(6)))
     assert found.search is not None and found.search.at == 6 and found.search.outcome is RelocaliseOutcome.FOUND
     told = {"outcome": "found", "advice": "one place looks like the picture"}
     done = reports(found, JobFinished("localize", JobResult(told)))

@@ -1,5 +1,6 @@
 """Finding a camera from nothing."""
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -7,12 +8,21 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import run_steps
+from nerfnav.estimator.core.belief import POSE
 from nerfnav.estimator.photometric.residuals import ColorNoise
-from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome, select_distinct
+from nerfnav.estimator.relocalize.global_localization import (
+    RelocaliseConfig,
+    RelocaliseOutcome,
+    RelocaliseResult,
+    RelocaliseStep,
+    judge,
+    select_distinct,
+)
 from nerfnav.estimator.relocalize.localizer import GlobalLocalizer
 from nerfnav.estimator.relocalize.panorama import PanoramaConfig, PanoramaIndex
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.robots import BODY_RATE, VELOCITY
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, collect, draws, picture, voxel_balls
 
@@ -82,3 +92,36 @@ def test_poses_that_are_alike_count_once() -> None:
 def test_a_field_without_free_places_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="no free place"):
         run_steps(PanoramaIndex.render(voxel_balls(), Camera.from_fov(8, 8, 90), torch.zeros(0, 3), CONFIG.looks))
+
+
+def test_the_covariance_of_a_found_pose_holds_its_error() -> None:
+    last = run_steps(searcher().relocalise(picture(voxel_balls(), TRUTH, draws(0))))
+    state = TRUTH.moved_to(last.step.body_poses()[0])
+    covariance = last.state_covariance()
+    error = state.local(TRUTH)[POSE].double()
+    nees = error @ torch.linalg.solve(covariance[POSE][:, POSE].double(), error)
+    assert nees < 17, "chi-squared of six numbers is above 16.8 once in 100"
+    assert covariance[POSE][:, POSE].diagonal().sqrt().max() < 0.02
+    assert not covariance[VELOCITY].any() and not covariance[BODY_RATE].any()
+
+
+def test_a_place_that_looks_like_another_is_ambiguous() -> None:
+    step = RelocaliseStep(1.0, TRUTH.pose.map(lambda part: part.expand(2, *part.shape)), torch.tensor([1.0, 0.0]),
+                          COLOR_STD * torch.tensor([1.0, 1.3]))  # fmt: skip
+    covariance = torch.diag(torch.tensor([1e-4] * 6))
+    assert judge(step, covariance, NOISE, CONFIG) is RelocaliseOutcome.AMBIGUOUS
+    apart = replace(step, differences=COLOR_STD * torch.tensor([1.0, 1.5]))
+    assert judge(apart, covariance, NOISE, CONFIG) is RelocaliseOutcome.FOUND
+    assert judge(apart, 25 * covariance, NOISE, CONFIG) is RelocaliseOutcome.AMBIGUOUS, "the pose is vague"
+    outliers = replace(CONFIG, core_std=0.1 * COLOR_STD)
+    assert judge(apart, covariance, NOISE, outliers) is RelocaliseOutcome.LOST, "the field has its noise from outliers"
+    assert judge(apart, covariance, NOISE, replace(outliers, core_std=0.0)) is RelocaliseOutcome.FOUND
+
+
+def test_the_covariance_of_a_camera_off_the_bodys_middle_grows_with_its_lever() -> None:
+    mount = Pose(FORWARD_MOUNT.rotation, torch.tensor([0.5, 0.0, 0.0]))
+    step = RelocaliseStep(1.0, TRUTH.pose.compose(mount).map(lambda part: part[None]), torch.ones(1), torch.zeros(1))
+    turned = torch.diag(torch.tensor([0.0, 0.0, 0.0, 1e-4, 1e-4, 1e-4]))
+    state = RelocaliseResult(RelocaliseOutcome.FOUND, step, turned).state_covariance(mount)
+    assert torch.allclose(state[POSE][:, POSE].diagonal()[3:], torch.full((3,), 1e-4))
+    assert state[:3, :3].trace().item() == pytest.approx(2 * 0.5**2 * 1e-4, rel=1e-4), "a turn moves the body sideways"
