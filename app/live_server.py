@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.live import Answer, Navigator, messages
+from nerfnav.live import Answer, CameraCheck, Navigator, messages
 from nerfnav.live.navigator import pixels_of
 from nerfnav_app.security.access import AccessPolicy
 from nerfnav_app.system import TORCH_THREADS
@@ -67,11 +67,18 @@ _TRY_AGAIN_LATER = 1013
 class LiveServer:
     """Lets one vehicle talk to a navigator."""
 
-    def __init__(self, navigator: Navigator, welcome: messages.Welcome, host: str, token: str) -> None:
-        """Prepare a server that will listen at `host`."""
-        self._navigator, self._welcome = navigator, welcome
+    def __init__(
+        self,
+        navigator: Navigator,
+        welcome: messages.Welcome,
+        host: str,
+        token: str,
+        checked: Callable[[CameraCheck], None] = lambda check: None,
+    ) -> None:
+        """Prepare a server that will listen at `host`; `checked` takes the check of each vehicle's camera."""
+        self._navigator, self._welcome, self._checked = navigator, welcome, checked
         self._access = AccessPolicy(host, token, bytes)
-        self._taken = False
+        self._taken = self._is_checked = False
         self._host = host
         self._computing = ThreadPoolExecutor(1, initializer=torch.set_num_threads, initargs=(TORCH_THREADS,))
 
@@ -109,7 +116,7 @@ class LiveServer:
         if self._taken:  # two have come at the same moment
             await connection.close(_TRY_AGAIN_LATER, _TAKEN)
             return
-        self._taken = True
+        self._taken, self._is_checked = True, False
         newest = Newest()
         try:
             await asyncio.get_running_loop().run_in_executor(self._computing, self._navigator.forget)
@@ -146,6 +153,9 @@ class LiveServer:
         waited = time.perf_counter() - came.at
         sent = picture.time if picture.now is None else picture.now
         answer = self._navigator.see(pixels, picture.time, picture.goal, sent + waited)
+        if answer.camera_check is not None and not self._is_checked:
+            self._is_checked = True
+            self._checked(answer.camera_check)
         return replace(answer, waited_ms=1e3 * waited)
 
 

@@ -51,7 +51,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
     "nerfnav.estimator": (
         ("photometric",),
         ("core", "relocalize"),
-        ("map_error", "paper"),
+        ("consistency", "map_error", "paper"),
         ("gauss_newton",),
         ("estimators",),
     ),
@@ -93,6 +93,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("preintegration", "sources"),
         ("motions",),
         ("tracker",),
+        ("camera_check",),
     ),
     "nerfnav_app.cli": (
         ("help", "terminal"),

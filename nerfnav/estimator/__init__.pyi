@@ -1,6 +1,8 @@
 from . import estimators as estimators
 from .calibration import Calibration as Calibration
 from .calibration import calibrate_field as calibrate_field
+from .consistency import Consistency as Consistency
+from .consistency import update_consistently as update_consistently
 from .core.belief import Belief as Belief
 from .core.filter_config import DescentConfig as DescentConfig
 from .core.filter_config import FastConfig as FastConfig
@@ -12,6 +14,7 @@ from .core.filter_step import FilterOutcome as FilterOutcome
 from .core.filter_step import FilterResult as FilterResult
 from .core.filter_step import FilterStep as FilterStep
 from .core.filter_step import FilterUpdate as FilterUpdate
+from .core.filter_step import Predictor as Predictor
 from .gauss_newton.aligned_filter import AlignedFilter as AlignedFilter
 from .gauss_newton.fast_filter import FastFilter as FastFilter
 from .gauss_newton.fast_filter import inerf as inerf

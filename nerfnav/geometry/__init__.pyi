@@ -6,6 +6,7 @@ from .camera import Camera as Camera
 from .camera import Pose as Pose
 from .camera import fibonacci_directions as fibonacci_directions
 from .camera import look_at as look_at
+from .camera_file import format_camera as format_camera
 from .camera_file import parse_camera as parse_camera
 from .camera_file import read_camera as read_camera
 from .colmap_cameras import ColmapBytes as ColmapBytes

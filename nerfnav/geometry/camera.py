@@ -5,7 +5,7 @@ right and v down, so rays of an H x W image are those of pixels v = 0..H-1, u = 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -112,6 +112,16 @@ class Camera:
     def aspect(self) -> float:
         """Width over height of its pictures."""
         return self.width / self.height
+
+    @property
+    def horizontal_fov_deg(self) -> float:
+        """Horizontal field of view, without a distortion [degrees]."""
+        edges = self.cx / self.fx, (self.width - self.cx) / self.fx
+        return math.degrees(sum(edges if self.fisheye else map(math.atan, edges)))
+
+    def magnified(self, factor: float) -> "Camera":
+        """The same sensor behind a lens of `factor` times the focal length."""
+        return replace(self, fx=factor * self.fx, fy=factor * self.fy)
 
     def scaled(self, factor: float) -> "Camera":
         """The same view with `factor` times as many pixels along each side."""

@@ -1,4 +1,4 @@
-"""Camera calibration files: read those of ROS, OpenCV, nerfstudio and instant-ngp, and COLMAP.
+"""Camera calibration files: read those of ROS, OpenCV, nerfstudio and instant-ngp, and COLMAP; write nerfstudio's.
 
     ROS's camera_info (.yaml)      image_width, camera_matrix.data, distortion_model, distortion_coefficients.data
     OpenCV's FileStorage (.yaml)   image_width, camera_matrix, distortion_coefficients
@@ -46,6 +46,17 @@ def read_camera(path: Path) -> Camera:
         return _of_transforms(entries) if "fl_x" in entries else parse_camera(entries)
     except (InvalidInputError, ValueError, TypeError, yaml.YAMLError) as error:
         raise InvalidInputError(f"{path} is no calibration of a camera: {' '.join(str(error).split())}") from error
+
+
+def format_camera(camera: Camera) -> str:
+    """Format a camera as a calibration file (.json) that `read_camera` reads."""
+    names = ("k1", "k2", "k3", "k4") if camera.fisheye else ("k1", "k2", "p1", "p2", "k3")
+    entries = {
+        "w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+        "camera_model": "OPENCV_FISHEYE" if camera.fisheye else "OPENCV",
+        **dict(zip(names, camera.distortion, strict=False)),
+    }  # fmt: skip
+    return json.dumps(entries, indent=2) + "\n"
 
 
 def _of_colmap(path: Path) -> Camera:

@@ -1,4 +1,5 @@
 from .answer import Answer as Answer
+from .answer import CameraCheck as CameraCheck
 from .answer import Goal as Goal
 from .answer import Guidance as Guidance
 from .answer import Order as Order

@@ -88,6 +88,20 @@ class Guidance:
 
 
 @dataclass(frozen=True)
+class CameraCheck:
+    """Comparison of the given camera with the field, from the first pictures in which the vehicle was found."""
+
+    ok: bool
+    """The given camera fits."""
+    given_fov_deg: float
+    """Its horizontal field of view [degrees]."""
+    fitted_fov_deg: float
+    """The one that fits best [degrees]."""
+    sentence: str
+    """The result in words."""
+
+
+@dataclass(frozen=True)
 class Answer:
     """Pose and guidance after a picture."""
 
@@ -116,6 +130,8 @@ class Answer:
     """Time for which the picture lay unseen where it had arrived, and was made pixels of [ms]."""
     dropped: int = 0
     """Pictures since the last answer that were never looked at, for newer ones had come."""
+    camera_check: CameraCheck | None = None
+    """Comparison of the camera with the field; None until enough pictures were followed."""
 
     @property
     def latency_ms(self) -> float:

@@ -28,12 +28,23 @@ from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, FastFilter
 from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
-from nerfnav.live.answer import Answer, Goal, Guidance, Order
+from nerfnav.live.answer import Answer, CameraCheck, Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
 from nerfnav.live.messages import Picture
 from nerfnav.live.setpoints import GuidedVehicle, compute_guided_action
 from nerfnav.robots import RigidState, Robot, StateNoise
-from nerfnav.tracking import Frame, TrackedFrame, Tracker, TrackerConfig, TrackStatus
+from nerfnav.tracking import (
+    CameraCheckConfig,
+    CameraFit,
+    Frame,
+    Sighting,
+    TrackedFrame,
+    Tracker,
+    TrackerConfig,
+    TrackStatus,
+    camera_of_photographs,
+    fit_focal_length,
+)
 from nerfnav.tracking.sources.pictures import decode_picture
 
 OLD = "old"
@@ -77,12 +88,16 @@ class Navigator:
         self._guide = Guide(field, robot, self.config.guide)
         self._last: float | None = None
         self._followed: Guidance | None = None
+        self._sightings: list[Sighting] = []
+        self.camera_fit: CameraFit | None = None
+        """Focal length that fits the first pictures that were followed; None until then."""
 
     def forget(self) -> None:
         """Begin anew: another vehicle comes, or its clock begins anew. Preparations are kept."""
         self._tracker.forget()
         self._guide.forget()
-        self._last = self._followed = None
+        self._last = self._followed = self.camera_fit = None
+        self._sightings = []
 
     def prepare(self) -> Iterator[str]:
         """Make what takes seconds, before the first picture; yields what is being done, for people."""
@@ -116,13 +131,26 @@ class Navigator:
         )
         tracked = self._tracker.observe(Frame(time, picture, f"the picture of {time:.3f} s"), action)
         self._last, self._followed = time, None
-        answer = _answer(tracked)
+        self._compare_camera(tracked, picture)
+        answer = replace(_answer(tracked), camera_check=_checked(self.camera_fit))
         if goal is None:
             self._guide.forget()
             return answer
         begun = clock.perf_counter()
         guidance = self._followed = self._guidance(tracked, goal, 0.0 if now is None else now - time)
         return replace(answer, guidance=guidance, plan_ms=1e3 * (clock.perf_counter() - begun))
+
+    def _compare_camera(self, tracked: TrackedFrame, picture: Tensor) -> None:
+        """Fit the focal length once, as soon as enough pictures were followed: that takes some 0.3 s."""
+        if self.camera_fit is not None or tracked.pose is None or not tracked.status.updated:
+            return
+        self._sightings.append(Sighting(picture, tracked.pose))
+        if len(self._sightings) < CameraCheckConfig.fewest:
+            return
+        likely = camera_of_photographs(self.field.info, self.camera) if isinstance(self.field, GridField) else None
+        noise = self._tracker.config.filter.color_noise
+        self.camera_fit = fit_focal_length(self.field, self.camera, self._sightings, noise, likely)
+        self._sightings = []
 
     def _guidance(self, tracked: TrackedFrame, goal: Goal, age: float) -> Guidance:
         """Return the guidance to a goal."""
@@ -144,6 +172,11 @@ class Navigator:
             )
         if not math.isfinite(time) or (now is not None and not now >= time):
             raise InvalidInputError(f"a picture is taken at a finite time before now, not at {time} s (now: {now})")
+
+
+def _checked(fit: CameraFit | None) -> CameraCheck | None:
+    """Convert a fit to plain numbers."""
+    return None if fit is None else CameraCheck(**fit.numbers, sentence=fit.sentence)
 
 
 def _answer(tracked: TrackedFrame) -> Answer:

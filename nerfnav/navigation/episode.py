@@ -21,7 +21,15 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import replace_file, write_npz
-from nerfnav.estimator import Belief, FilterOutcome, FilterResult, FilterStep, RelocaliseResult, RelocaliseStep
+from nerfnav.estimator import (
+    Belief,
+    Consistency,
+    FilterOutcome,
+    FilterResult,
+    FilterStep,
+    RelocaliseResult,
+    RelocaliseStep,
+)
 from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.navigation.supervisor_state import StateChange, SupervisorAction, SupervisorState, state_after
 from nerfnav.planner import PlanStep
@@ -109,6 +117,9 @@ class NavigationStep:
     gust_mps: float | None = None
     """Change of speed by a gust on the way here [m/s]; 0 where the robot had no clearance for one, None without one."""
 
+    consistency: Consistency | None = None
+    """Consistency monitor of the filter; None in open loop, at index 0, and of filters whose noise is not scaled."""
+
     @property
     def filter_belief(self) -> Belief:
         """Belief from which the estimator continues."""
@@ -168,6 +179,8 @@ class Episode:
     transitions: tuple[StateChange, ...] = ()
     """Changes of the supervisor's state, the end of the flight included. In files of versions that did not keep their
     reasons, these are the actions."""
+    consistency: dict[str, Any] | None = None
+    """Numbers of the filter's consistency monitor at the end; None where there is none."""
 
     @classmethod
     def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
@@ -192,6 +205,7 @@ class Episode:
             tuple(step.index for step in steps if step.late),
             steps[0].first_plan,
             _transitions(actions_taken, outcome, reasons),
+            None if steps[-1].consistency is None else steps[-1].consistency.numbers,
         )
 
     @property
@@ -242,7 +256,7 @@ class Episode:
             "transitions": [change.to_json() for change in self.transitions],
             "estimation": self._estimation(),
             "timing_ms": self._timing_ms(),
-        }
+        } | ({} if self.consistency is None else {"consistency": self.consistency})
 
     def _estimation(self) -> dict[str, float | None]:
         errors, nees = self.errors()[1:], self.nees()[1:]
@@ -344,6 +358,7 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         tuple(about.get("late", ())),
         _first_plan(stored, dt),
         _transitions(actions, outcome, {}) if kept is None else tuple(map(StateChange.from_json, kept)),
+        about.get("consistency"),
     )
 
 

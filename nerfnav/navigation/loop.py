@@ -21,12 +21,15 @@ from torch import Tensor
 
 from nerfnav.estimator import (
     Belief,
+    Consistency,
     Corrector,
     FilterOutcome,
     FilterStep,
     FilterUpdate,
+    Predictor,
     RelocaliseResult,
     RelocaliseStep,
+    update_consistently,
 )
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
@@ -158,8 +161,12 @@ def correct(
     """Filter: predict by the action, correct by the picture."""
     used = None if memory.distrusts else image  # a false belief may agree with it by chance
     dt, action = flight.request.dt, last.plan.actions[0]
-    steps = flight.stack.estimator.update(last.filter_belief, used, action, dt, flight.generator)
-    return (yield from _run_filter(steps, replace(now, image=image), flight))
+    estimator, monitor = flight.stack.estimator, last.consistency or Consistency()
+    steps = update_consistently(estimator, last.filter_belief, used, action, dt, flight.generator, monitor)
+    done = yield from _run_filter(steps, replace(now, image=image), flight)
+    if done.update is None or not isinstance(estimator, Predictor):
+        return done
+    return replace(done, consistency=monitor.after(done.update))
 
 
 def supervise(

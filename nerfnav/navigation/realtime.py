@@ -51,6 +51,7 @@ def fly_missed_steps(before: Motion, late: NavigationStep, flight: FlightContext
             late.index + ahead, (late.index + ahead) * dt, flown.actions[0], simulator.state,
             flight.stack.map_error.beside(belief), None, None, advance_plan(plan, ahead, belief.mean, simulator.robot),
             touched, 0.0, 0.0, recovery=late.recovery, late=True, apparent=belief,
+            consistency=late.consistency,
         )  # fmt: skip
 
 

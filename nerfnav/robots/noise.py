@@ -52,6 +52,10 @@ class StateNoise:
         """Return the deviations of position [m], velocity [m/s], attitude [rad] and body rate [rad/s]."""
         return self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps
 
+    def scaled(self, factor: float) -> "StateNoise":
+        """Return the noise with `factor` times the standard deviations."""
+        return StateNoise(*(factor * value for value in self.deviations))
+
     def std(self, dtype: torch.dtype = torch.float32) -> Float[Tensor, "12"]:
         """Return the standard deviation of each tangent number."""
         return torch.tensor(self.deviations, dtype=dtype).repeat_interleave(3)

@@ -1,3 +1,10 @@
+from .camera_check import CameraCheckConfig as CameraCheckConfig
+from .camera_check import CameraFit as CameraFit
+from .camera_check import Sighting as Sighting
+from .camera_check import camera_of_photographs as camera_of_photographs
+from .camera_check import change_to as change_to
+from .camera_check import check_camera as check_camera
+from .camera_check import fit_focal_length as fit_focal_length
 from .frame import Frame as Frame
 from .frame import FrameSource as FrameSource
 from .frame import ImuMeasurements as ImuMeasurements

@@ -16,6 +16,7 @@ a row, and the fit of the last pictures.
 """
 
 import time
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import TypeGuard
@@ -86,6 +87,15 @@ class Tracker:
         self._usual = UsualDifference(self.config.filter.color_noise.std, self.config.remembered)
         self._generator = torch.Generator().manual_seed(0)
         self.motion.forget()
+
+    def with_camera(self, camera: Camera) -> "Tracker":
+        """Return a tracker of another camera that has seen nothing; panoramas and the motion model are shared."""
+        other = copy(self)
+        other.camera, other._filters = camera, {}
+        other.__dict__.pop("compared", None)
+        other.__dict__["searcher"] = self.searcher.with_camera(other.compared)
+        other.forget()
+        return other
 
     @torch.no_grad()
     def observe(self, frame: Frame, action: Tensor | None = None) -> TrackedFrame:

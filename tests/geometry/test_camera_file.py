@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera, read_camera
+from nerfnav.geometry import Camera, format_camera, read_camera
 
 MATRIX = np.array([[320.0, 0, 310], [0, 322.0, 245], [0, 0, 1]])
 BROWN, FISHEYE = (-0.2, 0.05, 0.001, -0.002, 0.01), (0.03, -0.01, 0.004, -0.001)
@@ -141,3 +141,16 @@ def test_colmaps_cameras_that_cannot_be_used_are_told_in_one_sentence(tmp_path: 
     (tmp_path / "cameras.txt").write_text(content)
     with pytest.raises(InvalidInputError, match=said):
         read_camera(tmp_path / "cameras.txt")
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        Camera(640, 480, 525.0, 520.0, 321.0, 240.5),
+        Camera(640, 480, 525.0, 520.0, 321.0, 240.5, (0.1, -0.2, 1e-3, -2e-5, 0.05)),
+        Camera(640, 480, 300.0, 300.0, 320.0, 240.0, (0.1, -0.02, 1e-3, 0.0), fisheye=True),
+    ],
+)
+def test_a_camera_that_is_written_is_read_again(tmp_path: Path, camera: Camera) -> None:
+    (tmp_path / "camera.json").write_text(format_camera(camera))
+    assert read_camera(tmp_path / "camera.json") == camera

@@ -12,10 +12,12 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from nerfnav.core.errors import NerfnavError
 from nerfnav.geometry import read_camera
-from nerfnav.live import Navigator
+from nerfnav.live import CameraCheck, Navigator
 from nerfnav.live.messages import Size, Welcome
 from nerfnav_app.cli.terminal import note
+from nerfnav_app.jobs.track.camera_check import CalibrationFile
 from nerfnav_app.live_server import LiveServer
 from nerfnav_app.places.place import open_place
 from nerfnav_app.security.address import check_address, check_token
@@ -37,8 +39,10 @@ class Arguments:
     """Port to listen at."""
     token: Annotated[str | None, arg(metavar="SECRET")] = None
     """Secret of the vehicle, as in ws://HOST:PORT/?token=SECRET (default: a new one, which is printed)."""
+    fit_camera: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    """File for the calibration that fits the field best, for --camera: from the first pictures that are followed."""
     json: bool = False
-    """Print one JSON object with the address."""
+    """Print one JSON object with the address; camera_check is in the answers to pictures."""
 
 
 def run(arguments: Arguments) -> None:
@@ -46,13 +50,25 @@ def run(arguments: Arguments) -> None:
     check_address(arguments.host, arguments.port)
     check_token(arguments.host, arguments.token)
     token = arguments.token or secrets.token_urlsafe(16)
+    calibration = None if arguments.fit_camera is None else CalibrationFile(arguments.fit_camera)
+    if calibration is not None:
+        calibration.prepare()
     place = open_place(arguments.field, arguments.robot)
     camera = place.robot.camera if arguments.camera is None else read_camera(arguments.camera)
     navigator = Navigator(place.field, place.robot, camera)
     (x, y, z), (to_x, to_y, to_z) = place.field.box.lower.tolist(), place.field.box.upper.tolist()
     size, box = Size(camera.width, camera.height), ((x, y, z), (to_x, to_y, to_z))
-    server = LiveServer(navigator, Welcome(place.name, place.robot.name, size, box), arguments.host, token)
     address = f"ws://{arguments.host}:{arguments.port}/?token={token}"
+
+    def checked(check: CameraCheck) -> None:
+        note(check.sentence if check.ok else f"{check.sentence}: give a calibration by --camera")
+        if calibration is not None:
+            try:
+                calibration.write(navigator.camera_fit)
+            except NerfnavError as error:  # the vehicle is served all the same
+                note(str(error))
+
+    server = LiveServer(navigator, Welcome(place.name, place.robot.name, size, box), arguments.host, token, checked)
 
     def ready() -> None:
         text = f"nerfnav guides a {place.robot.name} in {place.name} at {address} (Ctrl-C ends it)"

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from nerfnav.tracking import SourceOptions
 from nerfnav_app.cli.arguments import numbers_argument
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output
 from nerfnav_app.jobs.track.camera import GivenCamera
+from nerfnav_app.jobs.track.camera_check import CalibrationFile
 from nerfnav_app.jobs.track.camera_run import CameraRun
 from nerfnav_app.jobs.track.imu import GivenImu
 from nerfnav_app.jobs.track.track import TrackRequest
@@ -45,6 +46,8 @@ class Arguments(Output):
     imu_mount: Mount = None
     """Pose T_imu_camera of the camera on the unit [m], if the source does not give it. The camera is x right, y down, z
     ahead. Implies --imu."""
+    fit_camera: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    """File for the calibration that fits the field best, for --camera. It takes four pictures or more."""
     pictures: bool = True
     """Write overlay.mp4 and track.mcap, too (the latter needs the extra [ros])."""
 
@@ -56,6 +59,7 @@ def run(arguments: Arguments) -> None:
         GivenCamera(arguments.camera, fov_deg=arguments.fov),
         SourceOptions(arguments.fps, arguments.topic),
         GivenImu(arguments.imu_mount) if arguments.imu or arguments.imu_mount is not None else None,
+        None if arguments.fit_camera is None else CalibrationFile(arguments.fit_camera),
     )
     request = TrackRequest(arguments.field, camera, arguments.out, arguments.pictures)
     run_and_print(f"{arguments.source} in {arguments.field}", run_job(request), arguments.json)

@@ -2,16 +2,26 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import FieldInfo, StoredField, render_image
 from nerfnav.geometry import Camera
-from nerfnav.tracking import Frame, FrameSource, SourceOptions, Tracker, TrackerConfig, open_source
+from nerfnav.tracking import (
+    CameraFit,
+    Frame,
+    FrameSource,
+    SourceOptions,
+    Tracker,
+    TrackerConfig,
+    camera_of_photographs,
+    check_camera,
+    open_source,
+)
 from nerfnav_app.jobs.events import FrameTracked, JobEvent, Progress
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of
+from nerfnav_app.jobs.track.camera_check import CalibrationFile, numbers_of_check, require_clear
 from nerfnav_app.jobs.track.imu import GivenImu, describe_biases
 
 
@@ -27,6 +37,8 @@ class CameraRun:
     """Options of the source."""
     imu: GivenImu | None = None
     """The inertial measurement unit that leads from picture to picture; None: a hand's motion does."""
+    calibration: CalibrationFile | None = None
+    """File for the camera that fits."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +55,23 @@ class TrackedCamera:
     """Tracker of its pose."""
     camera_origin: str
     """Origin of the intrinsics, in words."""
+    fit: CameraFit | None
+    """Focal length that fits the first pictures; None where the camera was found in none of them."""
 
     @classmethod
     def begin(cls, place: StoredField, asked: CameraRun) -> "TrackedCamera":
-        """Open the source and prepare the tracker. Raises NerfnavError for what cannot be tracked."""
+        """Open the source, check the camera, and prepare the tracker. Raises NerfnavError for what cannot be tracked.
+
+        A camera whose focal length is wrong is corrected where the right one is clear, else refused.
+        """
         source = open_source(asked.source, replace(asked.options, aspect=asked.camera.aspect(place.info.camera)))
-        frames = source.frames()
-        first = next(frames, None)
+        first = next(source.frames(), None)
         if first is None:
             raise InvalidInputError(f"{asked.source} has no pictures")
         camera, origin = _camera(source, first, asked.camera, place.info)
+        if asked.calibration is not None:
+            asked.calibration.prepare()
+            asked.calibration.require_pictures(source, asked.source)
         config = TrackerConfig().for_field(place.info)
         if asked.imu is None:
             tracker = Tracker(place, camera, config=config)
@@ -60,7 +79,18 @@ class TrackedCamera:
             unit, mount = asked.imu.of(source, asked.source)
             unit.check(first.time)
             tracker = Tracker(place, camera, mount=mount, config=config, inertial=unit)
-        return cls(place, source, chain([first], frames), tracker, origin)
+        fit = check_camera(tracker, source.frames, camera_of_photographs(place.info, camera))
+        if fit is not None and not fit.ok:
+            require_clear(fit)
+            tracker, origin = tracker.with_camera(fit.fitted), f"{fit.sentence}; it was corrected"
+        if asked.calibration is not None:
+            asked.calibration.write(fit)
+        return cls(place, source, source.frames(), tracker, origin, fit)
+
+    @property
+    def check(self) -> dict[str, Any]:
+        """The numbers `camera` and `camera_check` of `track --json`."""
+        return {"camera": self.camera_origin, "camera_check": numbers_of_check(self.fit, self.tracker.camera)}
 
     @property
     def learned(self) -> dict[str, Any]:

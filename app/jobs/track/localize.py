@@ -1,19 +1,23 @@
 """Localize job: global localization of a picture from a file, or of the last picture of the robot's own camera."""
 
+import math
 import time
-from dataclasses import dataclass, field, replace
+from collections.abc import Generator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig, RelocaliseResult
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig, RelocaliseOutcome, RelocaliseResult
 from nerfnav.field import load_field
 from nerfnav.geometry import check_image
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
-from nerfnav_app.jobs.events import JobEvents, JobResult, Progress, relay_steps
+from nerfnav.tracking import Sighting, camera_of_photographs, change_to, fit_focal_length
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress, relay_steps
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, read_image
+from nerfnav_app.jobs.track.camera_check import numbers_of_check, require_clear
 from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place, field_file
 
@@ -56,13 +60,33 @@ def run(request: LocalizeRequest) -> JobEvents:
     place = load_field(field_file(request.place))
     image = read_image(request.image, request.camera.aspect(place.info.camera))
     camera, origin = camera_of(image, request.camera, place.info.camera, request.image)
-    noise = ColorNoise().measured(place.info.noise_std)
-    found = yield from search(GlobalLocalizer(place, camera, noise, RelocaliseConfig().for_field(place.info)), image)
-    return replace(found, summary={**found.summary, "camera": origin})
+    noise, likely = ColorNoise().measured(place.info.noise_std), camera_of_photographs(place.info, camera)
+    searcher, fit = GlobalLocalizer(place, camera, noise, RelocaliseConfig().for_field(place.info)), None
+    result, seconds = yield from _search(searcher, image)
+    change = change_to(camera, likely) if result.outcome is RelocaliseOutcome.LOST else 0.0
+    if change:
+        other, _ = yield from _search(searcher.with_camera(camera.magnified(math.exp(change))), image)
+        result = other if other.outcome is RelocaliseOutcome.FOUND else result
+    if result.outcome is RelocaliseOutcome.FOUND:
+        sighting = Sighting(image, result.step.poses[0])
+        fit = fit_focal_length(place, camera, [sighting], noise, likely, change)
+    if fit is not None and not fit.ok:
+        require_clear(fit)
+        result, seconds = yield from _search(searcher.with_camera(fit.fitted), image)
+        origin = f"{fit.sentence}; it was corrected"
+    return JobResult(summary_of(result) | seconds | {"camera": origin, "camera_check": numbers_of_check(fit, camera)})
 
 
 def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was."""
+    result, seconds = yield from _search(searcher, image)
+    return JobResult(summary_of(result) | seconds)
+
+
+def _search(
+    searcher: GlobalLocalizer, image: Tensor
+) -> Generator[JobEvent, bool | None, tuple[RelocaliseResult, dict[str, float]]]:
+    """Yield how far the search is; return its result, and how long its parts took [s]."""
     check_image(image, searcher.camera)
     begun = time.perf_counter()
     yield Progress("looking around in the field", 0.0)
@@ -75,8 +99,7 @@ def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
         lambda step: (step, Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)),
     )
     yield result
-    seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
-    return JobResult(summary_of(result) | seconds)
+    return result, {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:

@@ -63,6 +63,7 @@ def run(request: TrackRequest) -> JobEvents:
     Raises NerfnavError for what cannot be tracked; what was tracked before a source broke off is written all the same.
     """
     place = load_field(field_file(request.place))
+    yield Progress("comparing the camera with the field", 0.0)
     following = TrackedCamera.begin(place, request.camera)
     out = prepare_folder(request.out)
     track: list[TrackedFrame] = []
@@ -85,20 +86,20 @@ def run(request: TrackRequest) -> JobEvents:
         kept = f"; what was tracked until then is in {out}" if track else ""
         raise InvalidInputError(f"{broken}{kept}")
     pictures = (out / _OVERLAY, out / _RECORDING) if request.pictures else ()
-    about = {"camera": following.camera_origin, "frame": _frame_in_words(place.info), **following.learned}
+    about = {**following.check, "frame": _frame_in_words(place.info), **following.learned}
     written = (*files, *pictures)
     return JobResult({**summary_of(track), **about, "files": [str(path) for path in written]}, written)
 
 
 def watch(place: StoredField, asked: CameraRun) -> JobEvents:
     """Yield every frame as it is tracked in an open place; return the numbers of `track --json`. Writes nothing."""
-    yield Progress("looking around in the field", 0.0)
+    yield Progress("comparing the camera with the field", 0.0)
     following, track = TrackedCamera.begin(place, asked), []
     for event in following.events():
         if isinstance(event, FrameTracked):
             track.append(event.tracked)
         yield event
-    return JobResult({**summary_of(track), "camera": following.camera_origin})
+    return JobResult({**summary_of(track), **following.check})
 
 
 def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecorder]:

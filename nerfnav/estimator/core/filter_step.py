@@ -49,6 +49,22 @@ class FilterStep:
 
 
 @dataclass(frozen=True)
+class Innovation:
+    """Move of the pose by a picture, and how far the camera's colours are off."""
+
+    square: float
+    """d' (Sigma-_TT)^-1 d: square of the move in units of the prediction."""
+    determined: float
+    """n: numbers of the pose that the picture determines, 0 to 6; the expectation of `square` where Q is right."""
+    residual: float
+    """Median difference of colours at the end, over that which the field's own noise gives."""
+    mean_square: float
+    """Mean square difference (Huber), likewise."""
+    exposure: float
+    """Largest of the camera's gain and bias, in standard deviations of what is usual."""
+
+
+@dataclass(frozen=True)
 class FilterResult:
     """Posterior of a filter update."""
 
@@ -60,6 +76,8 @@ class FilterResult:
     """Last step: the posterior's mean, and the compared pixels."""
     curvature: Curvature | None = None
     """Origin of the posterior covariance; None where the prediction's own is kept."""
+    innovation: Innovation | None = None
+    """Move of the pose by the picture; None where none was compared, and of filters that do not report it."""
 
 
 FilterUpdate = Generator[FilterStep, None, FilterResult]
@@ -99,6 +117,17 @@ class Corrector(Protocol):
         noise: ProcessNoise | None = None,
     ) -> FilterUpdate:
         """Correct a prediction by a picture; `noise` is the process noise in the prediction, if known."""
+        ...
+
+
+@runtime_checkable
+class Predictor(Corrector, Protocol):
+    """Estimator whose process noise can be scaled."""
+
+    def predict(
+        self, belief: Belief, action: Float[Tensor, " a"], dt: float, noise_factor: float = 1.0
+    ) -> tuple[Belief, ProcessNoise]:
+        """Predict over an action of `dt` [s] with a factor on Q's standard deviations; returns also this noise."""
         ...
 
 

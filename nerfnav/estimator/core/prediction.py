@@ -27,8 +27,12 @@ def estimate_noise_scale(
     change: Float[Tensor, "6"], predicted: Float[Tensor, "6 6"], seen: Float[Tensor, "6 6"], trust: float
 ) -> float:
     """Return s for a `change` of the pose; `predicted` and `seen` are informations, `trust` is nu > 0."""
-    determined = torch.linalg.solve(predicted + seen, seen).trace().item()
-    return (trust + (change @ predicted @ change).item()) / (trust + determined)
+    return (trust + (change @ predicted @ change).item()) / (trust + count_determined(predicted, seen))
+
+
+def count_determined(predicted: Float[Tensor, "6 6"], seen: Float[Tensor, "6 6"]) -> float:
+    """Return n, the numbers of the pose that a picture determines; `predicted` and `seen` are informations."""
+    return torch.linalg.solve(predicted + seen, seen).trace().item()
 
 
 def scale_process_noise(prediction: Belief, noise: Float[Tensor, "12 12"], scale: float) -> Belief:

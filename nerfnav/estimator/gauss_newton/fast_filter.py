@@ -64,8 +64,15 @@ class FastFilter:
         Yields a step for each coarse stage and for every iteration of the last; returns the posterior. Raises
         InvalidInputError for a picture of another camera.
         """
-        noise = self.config.process_noise
-        return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
+        prediction, noise = self.predict(belief, action, dt)
+        return self.correct(prediction, image, generator, noise)
+
+    def predict(
+        self, belief: Belief, action: Float[Tensor, " a"], dt: float, noise_factor: float = 1.0
+    ) -> tuple[Belief, ProcessNoise]:
+        """Predict over an action of `dt` [s]; see Predictor."""
+        noise = self.config.process_noise.scaled(noise_factor)
+        return predict(belief, action, self.robot, dt, noise), noise
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None

@@ -19,8 +19,8 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE, Belief, add_information, posterior_covariance
 from nerfnav.estimator.core.filter_config import FastConfig
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep
-from nerfnav.estimator.core.prediction import estimate_noise_scale, scale_process_noise
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep, Innovation
+from nerfnav.estimator.core.prediction import count_determined, estimate_noise_scale, scale_process_noise
 from nerfnav.estimator.paper.cost import PoseCost, precision
 from nerfnav.estimator.photometric.levenberg_marquardt import POSE as _POSE
 from nerfnav.estimator.photometric.levenberg_marquardt import Iterate, Prior, join_information, picture_information
@@ -159,8 +159,11 @@ def compute_posterior(problem: UpdateProblem, minimum: Minimum) -> FilterResult:
     config, step = problem.config, minimum.step
     information, change = information_at(problem, minimum), minimum.iterate.change[0, _POSE]
     passes = step.process <= config.innovation_gate and not _median_exceeds(problem, step, config.residual_gate)
-    if not passes or not information.isfinite().all():
+    if not information.isfinite().all():
         return FilterResult(problem.prediction, FilterOutcome.DIVERGED, step)
+    innovation = _innovation(problem, minimum, information)
+    if not passes:
+        return FilterResult(problem.prediction, FilterOutcome.DIVERGED, step, innovation=innovation)
     adapted = _adapt_noise(problem, change, information)
     mean = step.mean if adapted is problem else adapted.state(step.mean.pose, change)
     prediction = adapted.prediction.covariance
@@ -177,7 +180,7 @@ def compute_posterior(problem: UpdateProblem, minimum: Minimum) -> FilterResult:
     halved = int((torch.linalg.eigvalsh(root.T @ information @ root) > 1).sum())
     outcome = FilterOutcome.UPDATED if halved >= _LEAST_DIRECTIONS else FilterOutcome.WEAK
     mean = replace(mean, rotation=so3.project(mean.rotation))
-    return FilterResult(Belief(mean, covariance), outcome, replace(step, mean=mean), curvature)
+    return FilterResult(Belief(mean, covariance), outcome, replace(step, mean=mean), curvature, innovation)
 
 
 def information_at(problem: UpdateProblem, minimum: Minimum) -> Float[Tensor, "6 6"]:
@@ -240,6 +243,19 @@ def information_ratio(problem: UpdateProblem, minimum: Minimum) -> float:
     if not problem.config.adaptive:
         return 1.0
     return problem.config.color_noise.doubt(_mean_square(problem, minimum), problem.patches)
+
+
+def _innovation(problem: UpdateProblem, minimum: Minimum, information: Float[Tensor, "6 6"]) -> Innovation:
+    """Return the move of the pose by the picture."""
+    config, std, step = problem.config, problem.config.color_noise.std, minimum.step
+    exposure = minimum.iterate.guess.exposure[0] / torch.tensor([config.gain_std, config.bias_std])
+    return Innovation(
+        square=step.process,
+        determined=count_determined(problem.pose_information, information),
+        residual=step.residual.median().item() / (_MEDIAN * std),
+        mean_square=_mean_square(problem, minimum) / std**2,
+        exposure=exposure.abs().max().item(),
+    )
 
 
 def _adapt_noise(

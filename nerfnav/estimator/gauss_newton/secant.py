@@ -58,7 +58,7 @@ def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
 def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:
     """Return the minimum of a descent from the prediction that steps by secants, then by slopes, and its rival.
 
-    `before` is the end of the descent by slopes, which may have stalled: both go on over the same pixels, and where they
+    `before` is the end of the descent by slopes, which may have stalled: both go on over the same pixels. Where they
     end apart, the one that costs more is the rival.
     """
     pyramid = problem.config.pyramid

@@ -53,6 +53,12 @@ class GlobalLocalizer:
         """Render the panoramas that every search begins with; yields the share that is done."""
         yield from self._render(near=bool(self.config.views))
 
+    def with_camera(self, camera: Camera) -> "GlobalLocalizer":
+        """Return the localizer of another camera, with the panoramas rendered so far."""
+        other = GlobalLocalizer(self.field, camera, self.noise, self.config)
+        other._made.update({near: index.with_camera(camera) for near, index in self._made.items()})
+        return other
+
     def _render(self, near: bool) -> Generator[float, None, PanoramaIndex]:
         """Render panoramas from everywhere, or from near to the capture's cameras, once."""
         if near not in self._made:

@@ -19,7 +19,7 @@ place explain a picture of hardly any contrast.
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
@@ -226,13 +226,16 @@ class PanoramaIndex:
         """
         if len(places) == 0:
             raise InvalidInputError("there is no free place in the field that a robot could be at")
-        halvings = max(0, math.floor(math.log2(max(camera.width, camera.height) / _LARGEST)))
-        view = View(build_levels(field, config.levels), camera.scaled(0.5**halvings), _ITSELF)
+        view = View(build_levels(field, config.levels), _reduce(camera), _ITSELF)
         if tilts is None:
             places = thin_places(places, config.spacing * float(field.box.size.max()), config.most_places)
             tilts = list_tilts(config.pitches, config.rolls)
         panoramas = yield from Panoramas.render(view.levels[-1], places)
         return cls(camera, view, panoramas, tilts)
+
+    def with_camera(self, camera: Camera) -> "PanoramaIndex":
+        """Return the same panoramas for pictures of another camera."""
+        return replace(self, camera=camera, view=replace(self.view, camera=_reduce(camera)))
 
     def fitted(self, image: UInt8[Tensor, "height width 3"]) -> UInt8[Tensor, "h w 3"]:
         """Resize a picture to the pixels of `view`. Raises InvalidInputError for one that is not the camera's."""
@@ -257,3 +260,9 @@ class PanoramaIndex:
         place, heading = index // misfit.shape[1], index % misfit.shape[1]
         rotation = so3.from_yaw(COLUMN * heading) @ self.tilts[tilt.flatten()[index]] @ FORWARD_MOUNT.rotation
         return Pose(rotation, self.panoramas.places[place]), value
+
+
+def _reduce(camera: Camera) -> Camera:
+    """Return the camera with no more pixels than are needed."""
+    halvings = max(0, math.floor(math.log2(max(camera.width, camera.height) / _LARGEST)))
+    return camera.scaled(0.5**halvings)

@@ -278,6 +278,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
             ("widened", "blind", "adrift", "searched", "backup", "relocalised", "lost", "landed")
         ),
         "timing_ms": {f"{part}_p{share}": None for part in ("replan", "filter", "step") for share in (50, 95)},
+        "consistency": dict.fromkeys(("cause", "sentence", "noise_factor", "residual", "pictures")),
     }
     assert flight["outcome"] in ("reached", "collided", "outside", "lost", "timeout")
     assert flight["mesh_collision_steps"] is None

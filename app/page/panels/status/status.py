@@ -122,7 +122,14 @@ def describe_landing(flight: FlightRecord) -> str:
         EpisodeOutcome.STOPPED: f"Stopped at {last.time:.1f} s, {far} from the goal",
     }
     ended = texts[last.outcome or EpisodeOutcome.STOPPED]
-    return f"{ended}. {describe_gust(flight)}" if flight.gusts else ended
+    gust = f". {describe_gust(flight)}" if flight.gusts else ""
+    return f"{ended}{gust}{_of_consistency(flight)}"
+
+
+def _of_consistency(flight: FlightRecord) -> str:
+    """Describe why the filter does not agree with its models, as a further sentence; nothing where it does."""
+    monitor = flight.steps[-1].consistency
+    return "" if monitor is None or monitor.sentence is None else f". {sentence(monitor.sentence)}"
 
 
 def describe_gust(flight: FlightRecord) -> str:
@@ -152,7 +159,7 @@ def describe_activity(session: Session) -> str:
     if job.kind is JobKind.FLY and session.flight is not None and session.flight.steps:
         doing = f": {session.flight.doing}" if session.flight.doing else ""
         gust = f". {describe_gust(session.flight)}" if session.flight.gusts else ""
-        return f"Flying, time step {session.steps_reported}{doing}{gust}"
+        return f"Flying, time step {session.steps_reported}{doing}{gust}{_of_consistency(session.flight)}"
     if job.kind is JobKind.TRACK and session.track is not None and session.track.steps:
         return f"Tracking, frame {len(session.track.steps)}: {job.label}"
     done = "" if job.fraction is None else f" {100 * job.fraction:.0f} %"

@@ -12,7 +12,7 @@ import torch
 
 from nerfnav.export.track import OPENCV
 from nerfnav.field import save_field
-from nerfnav.geometry import Camera, so3
+from nerfnav.geometry import Camera, read_camera, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav_app.cli.main import main
 from tests.export.readers import poses_of_tum
@@ -129,3 +129,31 @@ def test_pictures_whose_shape_changes_end_the_track_and_what_was_tracked_is_kept
     reported = capsys.readouterr().err
     assert "same proportions" in reported and "what was tracked until then" in reported
     assert len((out / "trajectory.tum").read_text().splitlines()) == 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fov", "ok"), [(80, True), (73, False)])
+def test_a_wrong_field_of_view_is_corrected_and_the_camera_that_fits_is_written(
+    fov: int, ok: bool, place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, fitted = folder(tmp_path / "in", every(8)), tmp_path / "fitted.json"
+    words = ["track", str(place), str(source), "--out", str(tmp_path / "out"), "--json", "--no-pictures"]
+    assert main([*words, "--fov", str(fov), "--fit-camera", str(fitted)]) == 0
+    reported = json.loads(capsys.readouterr().out.splitlines()[-1])
+    check = reported["camera_check"]
+    assert check["ok"] == ok and check["given_fov_deg"] == pytest.approx(fov)
+    assert check["fitted_fov_deg"] == pytest.approx(80, abs=1)
+    assert ("80.0 degrees, not 73.0 as given; it was corrected" in reported["camera"]) != ok
+    assert reported["updated"] == 8 and largest_errors(tmp_path / "out")[0] < 0.02
+    assert read_camera(fitted).horizontal_fov_deg == pytest.approx(80, abs=1)
+
+
+@pytest.mark.parametrize(("count", "name", "complaint"), [(3, "c.json", "has 3"), (4, "c.yaml", "ends in .json")])
+def test_a_camera_is_fitted_to_four_pictures_at_least_and_written_as_json(
+    count: int, name: str, complaint: str, place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = folder(tmp_path / "in", every(count))
+    words = ["track", str(place), str(source), "--out", str(tmp_path / "out"), "--fit-camera", str(tmp_path / name)]
+    assert main([*words, "--json"]) == 2
+    reported = capsys.readouterr().err.strip()
+    assert complaint in reported and "\n" not in reported
