@@ -50,10 +50,11 @@ ROOMS: dict[str, tuple[str, ...]] = {
 INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
     "nerfnav.estimator": (
         ("photometric",),
-        ("core", "relocalize"),
+        ("core",),
+        ("relocalize",),
         ("consistency", "map_error", "paper"),
         ("gauss_newton",),
-        ("estimators",),
+        ("calibration", "estimators"),
     ),
     "nerfnav.field": (
         ("core",),
@@ -74,7 +75,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("fallback", "simulator", "supervisor"),
         ("episode", "flight"),
         ("landing",),
-        ("looking",),
+        ("expected_belief", "looking"),
         ("first_plan", "physical", "realtime"),
         ("loop",),
     ),

@@ -16,7 +16,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from nerfnav.core.errors import InvalidInputError, require_not_negative
 from nerfnav.field import UnknownSpace
 from nerfnav.importers import AXES, MeasuredDistance, Placement
-from nerfnav.navigation import NavigateConfig, WorldName
+from nerfnav.navigation import WARNED_SHARE, NavigateConfig, WorldName, explain_blindness
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.world import Task
@@ -147,6 +147,8 @@ class Route(Output):
     else auto). Of long paths, auto finds it within a half."""
     max_collision: float | None = None
     """Largest probability of a collision: the plan is refined until it keeps it, or refused."""
+    max_blind: Annotated[float | None, arg(metavar="SHARE")] = None
+    """Largest share of the way with too little to see, 0 to 1: a plan with more is refused."""
     risk_weight: float | None = None
     """Cost of a collision by noise [J]: more keeps farther from obstacles, 0 keeps 4 cm of room instead (default: 100
     for the fast planner)."""
@@ -184,6 +186,7 @@ class Route(Output):
             shortest=self.duration == "auto" or (self.duration is None and self.steps is None and unknown),
             planner=self.planner,
             max_collision=self.max_collision,
+            max_blind=self.max_blind,
             unknown=UnknownSpace(self.unknown),
             config=config,
             again=self._replan_settings(config, again),
@@ -238,6 +241,13 @@ def note_move(summary: dict[str, Any]) -> None:
     if rises:
         moved = " and ".join(f"the {end} by {rise:+.2f} m" for end, rise in rises.items())
         note(f"the robot stands on the floor: its height was changed at {moved}")
+
+
+def note_blindness(summary: dict[str, Any], most: float | None) -> None:
+    """Tell the user of a plan with too little to see: more than --max-blind accepts, or than is usual."""
+    share = (summary.get("expected_sigma") or {}).get("blind_share", 0.0)
+    if share > (WARNED_SHARE if most is None else most):
+        note(explain_blindness(share, most))
 
 
 def with_settings(arguments: type[Any], settings: object) -> type[Any]:

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import UnknownSpace
+from nerfnav.navigation import WARNED_SHARE, ExpectedSigma
 from nerfnav.planner import (
     FLYABLE,
     RISK,
@@ -30,7 +31,7 @@ NO_TRAJECTORY = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERG
 
 
 class RiskLevel(Enum):
-    """Levels of a collision probability; the value is the word for it."""
+    """Levels of a risk; the value is the word for it."""
 
     LOW = "low"
     MODERATE = "moderate"
@@ -42,6 +43,14 @@ def classify_risk(probability: float) -> RiskLevel:
     if probability < _MODERATE_FROM:
         return RiskLevel.LOW
     return RiskLevel.HIGH if probability > _HIGH_ABOVE else RiskLevel.MODERATE
+
+
+def classify_blindness(share: float) -> RiskLevel:
+    """Classify the share of a plan with too little to see, 0 to 1: low where there is none, high where users are
+    warned."""
+    if share == 0:
+        return RiskLevel.LOW
+    return RiskLevel.HIGH if share > WARNED_SHARE else RiskLevel.MODERATE
 
 
 @dataclass(frozen=True)
@@ -231,10 +240,22 @@ class PlanRecord:
         return self.summary.get("collision_probability")
 
     @property
+    def expected_sigma(self) -> ExpectedSigma | None:
+        """What the views along the plan will tell; None where it was not estimated."""
+        expected = self.summary.get("expected_sigma")
+        return None if expected is None else ExpectedSigma(**expected)
+
+    @property
     def is_risky(self) -> bool:
         """True where a flight by the plan touches something with a high probability."""
         probability = self.collision_probability
         return probability is not None and classify_risk(probability) is RiskLevel.HIGH
+
+    @property
+    def is_blind(self) -> bool:
+        """True where there is so little to see along the plan that users are warned."""
+        expected = self.expected_sigma
+        return expected is not None and classify_blindness(expected.blind_share) is RiskLevel.HIGH
 
     @property
     def leads(self) -> bool:

@@ -83,6 +83,11 @@ def require_probability(**numbers: float | None) -> None:
     _require(numbers, lambda number: 0 < number <= 1, "a probability, above 0 and at most 1")
 
 
+def require_share(**numbers: float | None) -> None:
+    """Raise InvalidInputError, which names it, for a number not from 0 to 1; None passes."""
+    _require(numbers, lambda number: 0 <= number <= 1, "a share, from 0 to 1")
+
+
 def _require(numbers: Mapping[str, float | None], is_valid: Callable[[float], bool], wanted: str) -> None:
     for name, number in numbers.items():
         if number is not None and not is_valid(number):

@@ -106,7 +106,7 @@ def _continuous(quaternions: Float[Tensor, "n 4"]) -> Float[Tensor, "n 4"]:
     """Choose between q and -q so that neighbours are close: readers interpolate between rows."""
     along = (quaternions[1:] * quaternions[:-1]).sum(-1)
     flips = torch.where(along < 0, -torch.ones_like(along), torch.ones_like(along))
-    return quaternions * torch.cat([torch.ones_like(flips[:1]), flips]).cumprod(0)[:, None]
+    return quaternions * torch.cat([flips.new_ones(1), flips]).cumprod(0)[:, None]
 
 
 FORMAT, VERSION = "nerfnav trajectory", 1

@@ -1,10 +1,15 @@
 from .episode import ELLIPSOID_95 as ELLIPSOID_95
 from .episode import Episode as Episode
 from .episode import EpisodeOutcome as EpisodeOutcome
+from .episode import ExpectedSigma as ExpectedSigma
 from .episode import FlightStep as FlightStep
 from .episode import Iteration as Iteration
 from .episode import NavigationStep as NavigationStep
 from .episode import is_silent as is_silent
+from .expected_belief import WARNED_SHARE as WARNED_SHARE
+from .expected_belief import can_expect as can_expect
+from .expected_belief import expect_sigma as expect_sigma
+from .expected_belief import explain_blindness as explain_blindness
 from .fallback import SafetyFilter as SafetyFilter
 from .fallback import build_safe_planner as build_safe_planner
 from .first_plan import estimate_flight_time as estimate_flight_time

@@ -7,7 +7,7 @@ expectation is 12, the length of the tangent, when the covariance is consistent;
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from enum import Enum
 from itertools import zip_longest
 from pathlib import Path
@@ -65,6 +65,20 @@ class EpisodeOutcome(Enum):
 
 
 @dataclass(frozen=True)
+class ExpectedSigma:
+    """Largest standard deviation of a coordinate expected along a plan, over its times (see expected_belief.py)."""
+
+    median_m: float
+    """Median [m]."""
+    p95_m: float
+    """95th percentile [m]."""
+    max_m: float
+    """Largest [m]."""
+    blind_share: float
+    """Share of the times at which the filter is less sure than the supervisor lets a robot fly on, 0 to 1."""
+
+
+@dataclass(frozen=True)
 class NavigationStep:
     """Record of one time step: action, picture, belief, new plan."""
 
@@ -107,6 +121,8 @@ class NavigationStep:
     collision_probability: float | None = None
     """Probability that a flight by the first plan touches something, at index 0 (planner/risk/probability.py). None
     without a safety filter."""
+    expected_sigma: ExpectedSigma | None = None
+    """What the views along the first plan will tell, at index 0; None where it is not known (expected_belief.py)."""
     fallback: FallbackTrajectory | None = None
     """Fallback trajectory beside the plan; None without a safety filter, and where the robot holds."""
     apparent: Belief | None = None
@@ -181,6 +197,8 @@ class Episode:
     reasons, these are the actions."""
     consistency: dict[str, Any] | None = None
     """Numbers of the filter's consistency monitor at the end; None where there is none."""
+    expected_sigma: ExpectedSigma | None = None
+    """Sigma that the views along the first plan promised; None where that was not known."""
 
     @classmethod
     def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
@@ -206,6 +224,7 @@ class Episode:
             steps[0].first_plan,
             _transitions(actions_taken, outcome, reasons),
             None if steps[-1].consistency is None else steps[-1].consistency.numbers,
+            steps[0].expected_sigma,
         )
 
     @property
@@ -254,6 +273,7 @@ class Episode:
             "late_steps": len(self.late),
             "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in SupervisorAction},
             "transitions": [change.to_json() for change in self.transitions],
+            "expected_sigma": None if self.expected_sigma is None else asdict(self.expected_sigma),
             "estimation": self._estimation(),
             "timing_ms": self._timing_ms(),
         } | ({} if self.consistency is None else {"consistency": self.consistency})
@@ -359,6 +379,7 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         _first_plan(stored, dt),
         _transitions(actions, outcome, {}) if kept is None else tuple(map(StateChange.from_json, kept)),
         about.get("consistency"),
+        None if (expected := about.get("expected_sigma")) is None else ExpectedSigma(**expected),
     )
 
 

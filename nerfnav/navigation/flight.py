@@ -83,6 +83,9 @@ class NavigateConfig:
     most_risk: float | None = None
     """TOO_RISKY, on the ground, where a flight by the first plan touches something with a higher probability than this,
     in a flight with a safety filter; None: any probability is accepted."""
+    most_blind: float | None = None
+    """TOO_RISKY, on the ground, where the robot is expected to see too little on a larger share of the first plan, 0 to
+    1 (expected_belief.py); None: any share is accepted, and one that is not known always."""
     recovery: SupervisorConfig = field(default_factory=SupervisorConfig)
     """Supervision of the belief; DIVERGED when it does not recover."""
     in_sight: float = 0.4

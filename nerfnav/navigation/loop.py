@@ -34,6 +34,7 @@ from nerfnav.estimator import (
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import Episode, EpisodeOutcome, FlightStep, NavigationStep
+from nerfnav.navigation.expected_belief import expect_sigma_in_flight
 from nerfnav.navigation.first_plan import may_choose_headings, plan_first
 from nerfnav.navigation.flight import (
     ActiveGoal,
@@ -122,7 +123,7 @@ def plan(flight: FlightContext) -> Generator[PlanStep, None, NavigationStep]:
 def take_off(
     first: NavigationStep, flight: FlightContext
 ) -> Generator[FlightStep, None, tuple[NavigationStep, ActiveGoal]]:
-    """Look before the first action and plan again from the belief; refuse a flight that is too risky."""
+    """Look before the first action and plan again from the belief; refuse a flight that is too risky or too blind."""
     step, goal, config = first, ActiveGoal(flight.request.goal), flight.config
     if step.outcome is None and not config.open_loop:
         step = yield from _correct_at_rest(step, flight)
@@ -140,6 +141,9 @@ def take_off(
         risky = most is not None and probability > most
         step = replace(step, hits_expected=expected, collision_probability=probability)
         step = replace(step, outcome=EpisodeOutcome.TOO_RISKY if risky else None)
+    if step.outcome is None and (sigma := expect_sigma_in_flight(step.plan, flight)) is not None:
+        blind = config.most_blind is not None and sigma.blind_share > config.most_blind
+        step = replace(step, expected_sigma=sigma, outcome=EpisodeOutcome.TOO_RISKY if blind else None)
     return step, goal
 
 

@@ -59,6 +59,11 @@ def test_the_last_row_has_no_action(motion: Motion) -> None:
     assert json.loads(json_text(table))["rows"][-1][-4:] == [None] * 4
 
 
+def test_a_flight_that_never_began_has_one_row(motion: Motion) -> None:
+    table = motion_table(Motion(motion.states[:1], motion.actions[:0], motion.dt), NAMES)
+    assert table.values.shape == (1, 18) and table.block(("qw", "qx", "qy", "qz")).norm() == pytest.approx(1)
+
+
 def test_quaternions_do_not_jump_between_rows(motion: Motion) -> None:
     quaternions = motion_table(motion, NAMES).block(("qw", "qx", "qy", "qz"))
     assert (quaternions.diff(dim=0).norm(dim=-1) < 0.6).all()

@@ -11,7 +11,8 @@ _WITH_PLANNER = ("plan", "fly")
 _PLANNERS = ("fast", "minsnap", "rrt", "paper")
 POSITIONAL = {
     "serve": [], "open": ["room.npz"], "scenes": [], "train": ["stonehenge"], "import": ["trained"],
-    "bake": ["room.npz"], "place": ["room.npz"], "info": ["room.npz"], "calibrate": ["room.npz"], "plan": ["stonehenge"], "fly": ["stonehenge"],
+    "bake": ["room.npz"], "place": ["room.npz"], "info": ["room.npz"],
+    "calibrate": ["room.npz"], "plan": ["stonehenge"], "fly": ["stonehenge"],
     "localize": ["room.npz", "picture.png"], "track": ["room.npz", "video.mp4"], "live": ["room.npz"],
     "export": ["flight"], "map": ["room.npz"], "experiment": ["planners"], "bench": [], "doctor": [],
 }  # fmt: skip

@@ -10,7 +10,7 @@ from tyro.conf import Suppress, arg
 from nerfnav.estimator import estimators
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
-from nerfnav_app.cli.arguments import Route, find_planner, note_move, with_settings
+from nerfnav_app.cli.arguments import Route, find_planner, note_blindness, note_move, with_settings
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.fly.fly import run as run_job
@@ -88,6 +88,8 @@ def run(arguments: Any) -> None:
     request = make_request(arguments, place)
     request = replace(request, out=request.out or RunStore().new(place.name))
     title = f"flight in {place.name}"
-    note_move(run_and_print(title, run_job(request, place), arguments.json, can_stop_early=True).summary)
+    summary = run_and_print(title, run_job(request, place), arguments.json, can_stop_early=True).summary
+    note_move(summary)
+    note_blindness(summary, arguments.max_blind)
     if arguments.out is None:
         note(f"the flight is kept in {request.out}")

@@ -9,7 +9,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.navigation import NavigateConfig, WorldName
 from nerfnav.planner import PlanOutcome
 from nerfnav.robots import StateNoise
-from nerfnav_app.cli.arguments import Route, find_planner, note_move, with_settings
+from nerfnav_app.cli.arguments import Route, find_planner, note_blindness, note_move, with_settings
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.plan.plan import run as run_job
 
@@ -45,6 +45,7 @@ def run(arguments: Any) -> None:
     request = replace(arguments.request(place, arguments.config, None, flight, arguments.world), out=arguments.out)
     summary = run_and_print(f"plan in {place.name}", run_job(request, place), arguments.json).summary
     note_move(summary)
+    note_blindness(summary, arguments.max_blind)
     unsafe = next((outcome for outcome in UNSAFE if outcome.name.lower() == summary["outcome"]), None)
     if unsafe is not None:
         raise UnsafePlanError(f"this plan is not safe to fly: {unsafe.value}")

@@ -41,6 +41,7 @@ def command_of(request: FlyRequest, place: Place, steps: int | None, dt: float) 
     words += _words_of_duration(route.ends, place, task is not None, steps, dt)
     words += _option("--unknown", route.unknown.value, PlanRequest.unknown.value)
     words += _option("--max-collision", route.max_collision, None)
+    words += _option("--max-blind", route.max_blind, None)
     words += _option("--estimator", request.estimator, default.estimator)
     if request.camera is not None:
         words += ["--camera", str(request.camera)]

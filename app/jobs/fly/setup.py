@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import torch
 
-from nerfnav.estimator import ColorNoise, ConsiderCovariance, FilterConfig, estimators
+from nerfnav.estimator import estimators
 from nerfnav.navigation import (
     WORLDS,
     Episode,
@@ -25,7 +25,7 @@ from nerfnav_app.jobs.fly.simulated_world import (
     level_contact_function,
     warm_up_filter,
 )
-from nerfnav_app.jobs.plan.plan import make_planner
+from nerfnav_app.jobs.plan.plan import configure_flight, make_planner, map_error_of
 from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place
 
@@ -37,18 +37,16 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
     """
     route, robot, world = request.route, place.robot, WORLDS[request.route.world]
     estimator = estimators.load(request.estimator)
-    config = world.configure(replace(route.navigate_config, open_loop=request.open_loop or route.flight.open_loop))
-    if route.max_collision is not None:  # of the plan, and of what the first belief makes of it
-        config = replace(config, most_risk=route.max_collision)
+    flight = replace(route.flight, open_loop=request.open_loop or route.flight.open_loop)
+    config = configure_flight(replace(route, flight=flight), place)
     planner, safety_filter = make_planner(route, place)
-    config = replace(config, filter=_configure_filter(config.filter, place))
     stack = NavigationStack(
         planner,
         estimator.make(place.field, robot, robot.camera, mount=robot.mount, config=config.filter),
         build_searcher(place, robot.camera, config.filter.color_noise),
         safety_filter,
         place.field,
-        ConsiderCovariance(() if place.scene is None else place.field.info.pose_floor, robot.mount),
+        map_error_of(place),
     )
     simulator = world.simulate(Simulator(
         robot, route.ends.start.state(), camera_function(place), world_generator(request.seed), robot.mount,
@@ -63,9 +61,3 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
     goal = route.ends.goal.state()
     flight = FlightRequest(goal, steps, dt, plan, request.operator, request.realtime)
     return navigate(flight, simulator, stack, config, torch.Generator().manual_seed(request.seed))
-
-
-def _configure_filter(config: FilterConfig, place: Place) -> FilterConfig:
-    """Take the noise that was measured for this field; keep a colour noise that is not the default."""
-    measured = config.for_field(place.field.info)
-    return measured if config.color_noise.std == ColorNoise.std else replace(measured, color_noise=config.color_noise)

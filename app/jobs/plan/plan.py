@@ -4,14 +4,19 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from nerfnav.core.errors import InvalidInputError, require_positive, require_probability
+from nerfnav.core.errors import InvalidInputError, require_positive, require_probability, require_share
+from nerfnav.estimator import ColorNoise, ConsiderCovariance
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import (
+    WORLDS,
+    ExpectedSigma,
     NavigateConfig,
     SafetyFilter,
     WorldName,
     build_safe_planner,
+    can_expect,
     estimate_flight_time,
+    expect_sigma,
     make_yaw_objective,
     plan_first,
 )
@@ -70,6 +75,8 @@ class PlanRequest:
     max_collision: float | None = None
     """Largest probability of a collision that is accepted: of a flight in noise, or by the paper's cost the bound of
     Eq. 1; None accepts any."""
+    max_blind: float | None = None
+    """Largest share of the plan with too little to see that is accepted, 0 to 1; None accepts any."""
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """State of space that no camera saw into, for planners."""
     draft: bool = False
@@ -83,6 +90,7 @@ class PlanRequest:
         """Raise InvalidInputError for numbers that no plan can have."""
         require_positive(steps=self.steps, dt=self.dt, iterations=self.settings.iterations)
         require_probability(max_collision=self.max_collision)
+        require_share(max_blind=self.max_blind)
 
     @property
     def settings(self) -> PlannerConfig:
@@ -128,6 +136,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     """
     given, request = request.ends, replace(request, ends=put_on_ground(place, request.ends, request.unknown))
     planning = prepare_route(place, request.unknown, request.height)
+    flight = configure_flight(request, place)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
     steps, planned, worked_s = plan_steps(request, place), None, 0.0
@@ -147,7 +156,12 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     if overlap and planned.outcome in FLYABLE:
         planned = replace(planned, outcome=PlanOutcome.TOUCHES_MESH)
         yield planned
-    summary = summary_of(planned, planning, worked_s, overlap, _risk_of(planned.motion, request, place))
+    expected = _expect_sigma(planned.motion, request, flight, place)
+    blind = flight.most_blind is not None and expected is not None and expected.blind_share > flight.most_blind
+    if blind and planned.outcome in FLYABLE:
+        planned = replace(planned, outcome=PlanOutcome.TOO_RISKY)
+        yield planned
+    summary = summary_of(planned, planning, worked_s, overlap, _risk_of(planned.motion, request, place), expected)
     summary |= describe_move(given, request.ends)
     return JobResult(summary, () if out is None else save(out, planned.motion, planning, summary, request.unknown))
 
@@ -158,6 +172,38 @@ def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
     flight, robot = request.flight, planning_robot(place.robot, request.world)
     probability = collision_probability(field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m)
     return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
+
+
+def _expect_sigma(motion: Motion, request: PlanRequest, flight: NavigateConfig, place: Place) -> ExpectedSigma | None:
+    """Expect what the views along a plan will tell; None also in the physical world, whose robots fly by an inertial
+    unit as well."""
+    if request.world != "paper":
+        return None
+    return expect_sigma(motion, place.robot, place.field, flight, map_error_of(place))
+
+
+def configure_flight(request: PlanRequest, place: Place) -> NavigateConfig:
+    """Configure the flight of a request for its world, its field, and the risk that it accepts.
+
+    Raises InvalidInputError where the request limits what cannot be expected.
+    """
+    config = WORLDS[request.world].configure(request.navigate_config)
+    if request.max_blind is not None and (request.world != "paper" or config.open_loop or not can_expect(place.field)):
+        raise InvalidInputError(
+            "what the camera will see counts in the paper's world, by camera, in fields on a grid: "
+            "bake the field, or leave out --max-blind"
+        )
+    known = config.filter.for_field(place.field.info)
+    if config.filter.color_noise.std != ColorNoise.std:  # which was set by hand
+        known = replace(known, color_noise=config.filter.color_noise)
+    most_risk = config.most_risk if request.max_collision is None else request.max_collision
+    most_blind = config.most_blind if request.max_blind is None else request.max_blind
+    return replace(config, filter=known, most_risk=most_risk, most_blind=most_blind)
+
+
+def map_error_of(place: Place) -> ConsiderCovariance:
+    """Return the map error of a place for its robot; none where the field itself is what the camera sees."""
+    return ConsiderCovariance(() if place.scene is None else place.field.info.pose_floor, place.robot.mount)
 
 
 def make_planner(request: PlanRequest, place: Place) -> tuple[Planner, SafetyFilter | None]:

@@ -1,11 +1,12 @@
 """Report of a plan: cost, limits of the robot, collision bound in the field, overlap with the mesh."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from nerfnav.export import csv_text, json_text, motion_table
 from nerfnav.field import UnknownSpace
+from nerfnav.navigation import ExpectedSigma
 from nerfnav.planner import PlanCost, PlanOutcome, PlanResult, Safety, assess_safety
 from nerfnav.planner.risk.probability import RESOLUTION
 from nerfnav.robots import Motion, limit_uses
@@ -31,6 +32,7 @@ def summary_of(
     wall_s: float,
     overlap_m3: float | None,
     risk: PlanRisk,
+    expected: ExpectedSigma | None,
 ) -> dict[str, Any]:
     """Numbers of `plan --json`."""
     motion = planned.motion
@@ -42,6 +44,7 @@ def summary_of(
         "cost": _cost(planned.cost),
         "collision_probability_bound": safety.bound,
         "collision_probability": risk.probability,
+        "expected_sigma": None if expected is None else asdict(expected),
         "mesh_overlap_m3": overlap_m3,
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
@@ -83,7 +86,8 @@ def _safety(safety: Safety, planned: PlanResult, risk: PlanRisk) -> dict[str, An
     if risk.weight:
         numbers["expected_by_noise"] = planned.cost.risk / risk.weight
     if planned.outcome is PlanOutcome.TOO_RISKY and risk.most is not None:
-        numbers["missed_by"] = (max(risk.probability, RESOLUTION) if risk.weight else safety.bound) - risk.most
+        missed_by = (max(risk.probability, RESOLUTION) if risk.weight else safety.bound) - risk.most
+        numbers |= {"missed_by": missed_by} if missed_by > 0 else {}  # else the plan is refused for what it shows
     return numbers
 
 

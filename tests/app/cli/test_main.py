@@ -148,6 +148,7 @@ def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
         "cost": {"collision": None, "control": None, "total": None},
         "collision_probability_bound": None,
         "collision_probability": None,
+        "expected_sigma": dict.fromkeys(("median_m", "p95_m", "max_m", "blind_share")),
         "mesh_overlap_m3": None,
         "max_thrust_n": None,
         "max_body_rate": None,
@@ -242,6 +243,24 @@ def test_a_bound_that_cannot_be_met_is_said_to_be_missed_by_how_much(field_file:
     assert risky["safety"]["missed_by"] == pytest.approx(max(risky["collision_probability"], RESOLUTION), rel=1e-6)
 
 
+def test_a_plan_or_flight_with_too_little_to_see_is_refused_before_take_off(
+    field_file: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    words = [str(field_file), "--start", "0.6", "0", "0.5", "--goal", "0.6", "0.3", "0.5", "--paper-cost", "--json"]
+    words.append("--max-blind")
+    assert "max_blind must be a share, from 0 to 1, not 1.5" in refused(["plan", *words, "1.5"], capsys)
+    for command in (["plan"], ["fly", "--out", str(tmp_path)]):
+        code, out, err = run([command[0], *words, "0.1", *command[1:]], capsys)
+        numbers = json.loads(out)
+        share = numbers["expected_sigma"]["blind_share"]
+        assert code == 0 and numbers["outcome"] == "too_risky" and share > 0.1
+        assert f"too little to see on {100 * share:.0f} % of the way, more than the 10 % that are accepted: " in err
+        assert len(err.strip().splitlines()) == 1
+    assert numbers["steps"] == 0
+    physical = ["plan", *words[:-2], "--max-blind", "0.5", "--world", "physical"]
+    assert "leave out --max-blind" in refused(physical, capsys)
+
+
 def test_noise_counts_in_a_plan_unless_the_cost_of_the_paper_is_asked_for(field_file: Path, capsys: Capture) -> None:
     words = ["plan", str(field_file), *FROM, *TO]
     calm, careful = printed([*words, "--paper-cost"], capsys), printed([*words, "--risk-weight", "30"], capsys)
@@ -257,7 +276,8 @@ def test_without_json_a_plan_is_told_in_words(field_file: Path, capsys: Capture)
     code, out, err = run(["plan", str(field_file), *FROM, *TO, *QUICK], capsys)
     assert code == 0
     assert "max thrust" in out
-    assert err == "", "no progress bar where nobody watches"
+    (remark,) = err.splitlines()
+    assert remark.startswith("too little to see on"), "and no progress bar where nobody watches"
 
 
 @pytest.mark.slow
@@ -273,6 +293,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
         "silent": None,
         "late_steps": None,
         "transitions": None,
+        "expected_sigma": dict.fromkeys(("median_m", "p95_m", "max_m", "blind_share")),
         "estimation": dict.fromkeys(("position_rmse_m", "rotation_rmse_rad", "velocity_rmse", "nees_mean")),
         "recoveries": dict.fromkeys(
             ("widened", "blind", "adrift", "searched", "backup", "relocalised", "lost", "landed")

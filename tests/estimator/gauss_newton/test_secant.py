@@ -12,17 +12,36 @@ from nerfnav.estimator.gauss_newton.alignment import align, start_at_mean
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, information_at
 from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
-from nerfnav.estimator.photometric.levenberg_marquardt import Guess, NewtonConfig, Prior, improve, picture_information
+from nerfnav.estimator.photometric.levenberg_marquardt import (
+    Guess,
+    NewtonConfig,
+    Prior,
+    improve,
+    join_information,
+    picture_information,
+)
 from nerfnav.estimator.photometric.pixel_selection import draw_by_gradient
 from nerfnav.estimator.photometric.pyramid import SecantConfig
-from nerfnav.estimator.photometric.residuals import ColorNoise, Observation
+from nerfnav.estimator.photometric.residuals import ColorNoise, FieldCamera, Observation
 from nerfnav.estimator.photometric.secant import measure_secants
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.robots import StateNoise
-from tests.estimator.places import BOX, CAMERA, HERE, ROBOT, balls, collect, draws, near, picture, voxel_balls
+from tests.estimator.places import (
+    BOX,
+    CAMERA,
+    COLOR_STD,
+    HERE,
+    ROBOT,
+    balls,
+    collect,
+    draws,
+    near,
+    picture,
+    voxel_balls,
+)
 
 EXPOSURE = torch.eye(2) * 1e8
 PIXELS = CAMERA.pixels()
@@ -61,10 +80,40 @@ def slope_information(field: VoxelField) -> Tensor:
     return picture_information(here)
 
 
-def test_over_a_small_uncertainty_secants_are_slopes():
-    field = voxel_balls()
-    secants, slopes = secant_information(field, 2e-4), slope_information(field)
-    assert (secants - slopes).norm() < 0.15 * slopes.norm()
+SMALL = 1e-4 * torch.eye(6)
+"""Cholesky factor of a covariance over which colours are straight."""
+
+
+def all_pixels() -> Observation:
+    return Observation.of(picture(balls(), HERE), CAMERA.pixels(), FieldCamera(balls(), CAMERA, FORWARD_MOUNT))
+
+
+def told_over(root: Tensor, alike: float = 1.0) -> Tensor:
+    """Information over the covariance with a Cholesky factor."""
+    exposure = join_information(None, (0.1, 0.05))[6:, 6:]
+    secants = measure_secants(all_pixels(), Guess.at(HERE.pose[None]), root @ root.T, COLOR_STD, 10.0)
+    return secants.pose_information(alike, exposure).float()
+
+
+def test_over_a_small_covariance_it_is_the_information_of_slopes_with_gain_and_bias_marginalised() -> None:
+    seen, noise = all_pixels(), 3.0 * COLOR_STD**2
+    _, by_pose = seen.linearised(HERE.pose[None])
+    jacobian = torch.cat([by_pose[0], seen.colors[..., None], torch.ones(len(seen.pixels), 3, 1)], -1).flatten(0, 1)
+    joint = jacobian.T @ jacobian / noise + join_information(None, (0.1, 0.05))
+    expected = torch.linalg.inv(torch.linalg.inv(joint)[:6, :6])
+    found = told_over(SMALL, 3.0)
+    assert (found - expected).norm() < 0.02 * expected.norm()
+
+
+def test_correlated_axes_of_the_covariance_do_not_change_it() -> None:
+    skewed = SMALL @ torch.eye(6).add(0.5 * torch.ones(6, 6).tril(-1))
+    found = [told_over(root) for root in (SMALL, skewed)]
+    assert (found[1] - found[0]).norm() < 0.02 * found[0].norm()
+
+
+def test_a_picture_tells_less_over_a_wide_covariance() -> None:
+    narrow, wide = (told_over(size * SMALL) for size in (1.0, 500.0))
+    assert (wide.diagonal() < 0.5 * narrow.diagonal()).all()
 
 
 def test_stains_raise_what_slopes_promise_and_not_what_secants_tell():
@@ -105,7 +154,8 @@ def test_a_descent_by_secants_reaches_the_picture_from_a_wide_prediction():
     prediction = Belief(HERE.retract(away), StateNoise(0.03, 0.01, 0.03, 0.01).covariance())
     problem = UpdateProblem(view, config, prediction, picture(field, HERE), draws(0))
     _, before = collect(align(problem, config.pyramid.stages(many=False)[:1], start_at_mean(problem)))
-    end = descend_secant(problem, before)
+    end, rival = descend_secant(problem, before)
+    assert rival is None or rival.iterate.cost[0] > end.iterate.cost[0]
     assert (end.iterate.guess.pose.position[0] - HERE.position).norm() < 2e-3
     assert end.step.iteration > before.step.iteration
     assert len(end.selection.places) == min(config.pyramid.pixels, len(PIXELS))

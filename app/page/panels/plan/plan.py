@@ -13,10 +13,11 @@ import numpy as np
 import viser
 
 from nerfnav.field import UnknownSpace
+from nerfnav.navigation import explain_blindness
 from nerfnav.planner import FLYABLE, PLANNERS, RISK, CostWeights, PlanOutcome
 from nerfnav_app.page.kit.chart import Chart, time_shown
 from nerfnav_app.page.kit.html import LegendEntry, caution, note, table, warning
-from nerfnav_app.page.kit.risk import look_of_risk
+from nerfnav_app.page.kit.risk import look_of_risk, look_of_sigma
 from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH, readable
 from nerfnav_app.page.kit.widgets import Binder, ChoiceList
 from nerfnav_app.page.panels.plan.planner_comparison import PlannerComparison
@@ -86,6 +87,8 @@ OLD_GOAL = "The plan leads to the old goal until you resume"
 """Remark on a paused flight whose goal was moved."""
 _BOUND = "Upper bound of the collision probability by Eq. 1 of the paper, which counts every body point alone"
 
+_SIGMA = "Median over the plan of the standard deviation of the estimated position, by what the camera will see"
+
 
 def holds_old_goal(session: Session) -> bool:
     """Check whether a paused flight still has the plan to the goal before."""
@@ -110,6 +113,8 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
     if plan.outcome is None and not planning:
         outcome = "Stopped before it was finished."
     remark = warning("Ends or settings have changed since this plan.") if stale else ""
+    if plan.is_blind and plan.expected_sigma is not None:
+        remark = caution(f"{capital(explain_blindness(plan.expected_sigma.blind_share))}.") + remark
     return table(rows) + (note(outcome) if outcome else "") + remark
 
 
@@ -128,6 +133,9 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
     if plan.collision_probability is not None:
         look = look_of_risk(plan.collision_probability)
         rows.append(("Collision risk", look.text, "Probability that a flight by this plan hits", readable(look.color)))
+    if plan.expected_sigma is not None:
+        look = look_of_sigma(plan.expected_sigma)
+        rows.append(("Expected sigma", look.text, _SIGMA, readable(look.color)))
     if summary.get("collision_probability_bound") is not None:
         rows.append(("Bound of Eq. 1", percent(summary["collision_probability_bound"]), _BOUND))
     if summary.get("mesh_overlap_m3") is not None:
@@ -160,6 +168,8 @@ def summarize_plan(plan: PlanRecord) -> str:
         parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
     if plan.collision_probability is not None:
         parts.append(f"collision risk {look_of_risk(plan.collision_probability).text}")
+    if plan.is_blind and plan.expected_sigma is not None:
+        parts.append(f"expected sigma {look_of_sigma(plan.expected_sigma).text}")
     return ", ".join(parts)
 
 

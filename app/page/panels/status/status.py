@@ -11,7 +11,7 @@ import viser
 
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
-from nerfnav_app.page.kit.html import LegendEntry, fine, heading, legend, note, warning
+from nerfnav_app.page.kit.html import LegendEntry, caution, fine, heading, legend, note, warning
 from nerfnav_app.page.kit.risk import look_of_risk
 from nerfnav_app.page.kit.theme import BELIEF, GOAL, GUST, HIT, PLAN, START, TRUTH
 from nerfnav_app.page.kit.widgets import confirm_reset, post_on
@@ -100,7 +100,8 @@ def _of_plan(plan: PlanRecord, session: Session) -> Status:
     if not plan.is_good:
         return Status("Planning was stopped before it finished: plan again.")
     risk = plan.collision_probability
-    return Status(summarize_plan(plan), fine if risk is None else look_of_risk(risk).html)
+    look = fine if risk is None else look_of_risk(risk).html
+    return Status(summarize_plan(plan), caution if plan.is_blind and look is fine else look)
 
 
 def describe_landing(flight: FlightRecord) -> str:

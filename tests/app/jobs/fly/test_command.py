@@ -103,6 +103,12 @@ def test_the_command_has_the_duration_that_was_found(
     assert (route.steps, route.dt, route.shortest) == (steps, dt, False)
 
 
+def test_the_share_with_too_little_to_see_is_in_the_command(stones: Place) -> None:
+    asked = request_of(session_of(stones))
+    asked = replace(asked, route=replace(asked.route, max_blind=0.3))
+    assert read_back(command_of(asked, stones, 20, 0.1)).route.max_blind == 0.3
+
+
 def test_settings_of_any_depth_and_kind_are_in_the_command(stones: Place) -> None:
     flight = NavigateConfig(noise=StateNoise(position_m=1e-5), look_first=False, most_risk=0.5)
     flight = replace(flight, filter=replace(flight.filter, adaptive=False, exact_covariance=True))

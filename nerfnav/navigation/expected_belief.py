@@ -1,0 +1,86 @@
+"""Expected belief: how well a robot will know its position along a plan, before it flies.
+
+    Sigma-_t = A Sigma_{t-1} A' + Q,   Sigma_t = (Sigma-_t^-1 + H_t)^-1 + F
+
+along the states of the plan, with Q the process noise of the flight, H_t the information of the picture that the field
+shows from there (estimator/gauss_newton/expected_information.py), and F the floor of the filter. A flight by the fast
+filter that keeps to its plan has about these covariances; one that holds and looks around has others.
+"""
+
+import torch
+
+from nerfnav.estimator import Belief, ConsiderCovariance
+from nerfnav.estimator.core.belief import POSE, add_information, posterior_covariance
+from nerfnav.estimator.core.prediction import predict
+from nerfnav.estimator.gauss_newton.expected_information import expected_information
+from nerfnav.estimator.paper.cost import precision
+from nerfnav.estimator.photometric.pyramid import View
+from nerfnav.field import Field, get_ray_grid
+from nerfnav.navigation.episode import ExpectedSigma
+from nerfnav.navigation.flight import FlightContext, NavigateConfig
+from nerfnav.robots import Motion, Robot
+
+WARNED_SHARE = 0.25
+"""Share of a plan with too little to see above which users are warned."""
+_PICTURES = 16
+"""Pictures that are expected along a plan, at most: between two of them H stays."""
+
+
+def explain_blindness(share: float, most: float | None = None) -> str:
+    """Explain that on a share of the plan, 0 to 1, there is too little to see, and name the remedies; `most` is the
+    largest share that is accepted, where it is exceeded."""
+    excess = "" if most is None else f", more than the {100 * most:.0f} % that are accepted"
+    remedy = "add texture, light or an inertial unit, or fly higher"
+    return f"too little to see on {100 * share:.0f} % of the way{excess}: {remedy}"
+
+
+def can_expect(field: Field) -> bool:
+    """Check whether what a field shows is known quickly: on grids that kernels know, not by the reference renderer."""
+    return get_ray_grid(field) is not None
+
+
+def expect_sigma(
+    motion: Motion, robot: Robot, field: Field, config: NavigateConfig, map_error: ConsiderCovariance
+) -> ExpectedSigma | None:
+    """Expect the standard deviation of the position along a plan by a robot whose camera sees the field.
+
+    None in open loop, for plans that are not finite, and for fields of which `can_expect` is False. The filter of the
+    configuration has the noise and the floor of the field (`FastConfig.for_field`).
+    """
+    finite = motion.states.position.isfinite().all() and motion.actions.isfinite().all()
+    if config.open_loop or not finite or not can_expect(field):
+        return None
+    beliefs = expect_beliefs(motion, robot, View((field,), robot.camera, robot.mount), config)
+    reported = torch.tensor([map_error.beside(belief).position_std for belief in beliefs])
+    filtered = torch.tensor([belief.position_std for belief in beliefs])
+    median, p95, largest = reported.quantile(torch.tensor([0.5, 0.95, 1.0])).tolist()
+    return ExpectedSigma(median, p95, largest, (filtered > config.recovery.widest).float().mean().item())
+
+
+def expect_sigma_in_flight(motion: Motion, flight: FlightContext) -> ExpectedSigma | None:
+    """Expect it for the plan of a flight; None also where no field predicts what its camera sees, and in a world whose
+    time steps have no noise of their own."""
+    field, simulator = flight.stack.camera_field, flight.simulator
+    if field is None or simulator.noise is None:
+        return None
+    return expect_sigma(motion, simulator.robot, field, flight.config, flight.stack.map_error)
+
+
+def expect_beliefs(motion: Motion, robot: Robot, view: View, config: NavigateConfig) -> list[Belief]:
+    """Expect the belief of the filter, without the map error, at each of the n + 1 times of a plan of n steps."""
+    draws, floor = torch.Generator().manual_seed(0), config.filter.floor_at(view.grain).covariance()
+    every = max(1, -(-len(motion.actions) // _PICTURES))
+    belief = Belief(motion.states[0], config.initial.covariance())
+    information, beliefs = torch.zeros(len(POSE), len(POSE)), list[Belief]()
+    for index in range(len(motion.actions) + 1):
+        if index > 0:
+            belief = predict(belief, motion.actions[index - 1], robot, motion.dt, config.noise)
+        if index > 0 or config.look_first:
+            predicted = belief.covariance
+            if index % every == 0:
+                pose = predicted[POSE][:, POSE]
+                information = expected_information(view, belief.mean.pose, pose, config.filter, draws)
+            hessian = 2 * add_information(torch.zeros(3), precision(predicted), information)
+            belief = Belief(belief.mean, posterior_covariance(hessian, predicted)[0] + floor)
+        beliefs.append(belief)
+    return beliefs
