@@ -31,7 +31,7 @@ def test_floor_and_ratio_are_found(ratio: float, floor: float) -> None:
     real = np.linalg.inv(known + told / ratio) + floor**2 * np.eye(6)
     errors = np.einsum("nij,nj->ni", np.linalg.cholesky(real), generator.standard_normal((count, 6)))
     position, attitude, found = fit_calibration(errors, np.linalg.inv(known + told), PRIOR)
-    assert found == pytest.approx(ratio, rel=0.15)
+    assert found == pytest.approx(ratio, rel=0.2)
     assert position == pytest.approx(floor, abs=1.5e-3) and attitude == pytest.approx(floor, abs=1.5e-3)
 
 
@@ -68,8 +68,8 @@ def test_failed_corrections_are_counted_and_do_not_widen_the_others() -> None:
     for fails, share in ((0, 0.0), (4, 0.25)):
         estimator = Overconfident(HERE, 0.002, 2.0, fails)
         found = calibrate_filter(estimator, pictures(40), NOISE, draws(1))
-        assert found is not None and found.corrections == 80
-        assert found.failed_share == pytest.approx(share, abs=0.02)
+        assert found is not None and found.corrections == 40
+        assert found.failed_share == pytest.approx(share, abs=0.03)
         assert found.position_floor_m < 0.005 and found.attitude_floor_rad < 0.005
 
 

@@ -20,7 +20,7 @@ from nerfnav_app.jobs.field.training_data import gather
 from nerfnav_app.places.place import field_file, ground_truth
 from nerfnav_app.storage.output_files import prepare_file
 
-_PICTURES = 40
+_PICTURES = 60
 """Pictures that are taken of a scene or mesh."""
 _FOREIGN = 0.5
 """Share of failed corrections from which the pictures are of another place."""
