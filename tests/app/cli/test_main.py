@@ -248,7 +248,7 @@ def test_a_plan_or_flight_with_too_little_to_see_is_refused_before_take_off(
 ) -> None:
     words = [str(field_file), "--start", "0.6", "0", "0.5", "--goal", "0.6", "0.3", "0.5", "--paper-cost", "--json"]
     words.append("--max-blind")
-    assert "max_blind must be a share, from 0 to 1, not 1.5" in refused(["plan", *words, "1.5"], capsys)
+    assert "--max-blind must be a share, from 0 to 1, not 1.5" in refused(["plan", *words, "1.5"], capsys)
     for command in (["plan"], ["fly", "--out", str(tmp_path)]):
         code, out, err = run([command[0], *words, "0.1", *command[1:]], capsys)
         numbers = json.loads(out)
