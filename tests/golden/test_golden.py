@@ -51,7 +51,7 @@ def test_a_field_is_written_again_with_the_same_header_and_the_same_arrays(name:
         assert [header["info"].pop(key) for key in CALIBRATED] == [None] * len(CALIBRATED)
         assert list(json.loads(str(golden["header"])).items()) == list(header.items())
         assert sorted(again.files) == sorted(golden.files)
-        for part in golden.files:
+        for part in sorted({*golden.files} - {"header"}):
             assert again[part].dtype == golden[part].dtype
             np.testing.assert_array_equal(again[part], golden[part])
 
