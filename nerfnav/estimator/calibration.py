@@ -7,8 +7,8 @@ information H_i = P_i^-1 - Lambda^-1. Errors e_i of the pose, position [m] in th
     e_i ~ N(0, (Lambda^-1 + H_i / rho)^-1 + F),   F = diag(f_p^2, f_p^2, f_p^2, f_a^2, f_a^2, f_a^2)
 
 with rho how many times less a picture tells, and f_p, f_a errors that no picture reduces; all three are the likeliest.
-Errors have longer tails than a Gaussian, so all three are widened until 95 % of the errors of the position lie inside
-of its 95 % ellipsoid.
+Errors have longer tails than a Gaussian, so all three are widened until 97.5 % of the errors of the position lie
+inside of its 95 % ellipsoid.
 A correction that was rejected, or ended where the prediction excludes the truth, is a failure: it is counted, and
 neither dropped nor taken for a large error of the others.
 """
@@ -44,6 +44,8 @@ _EXCLUDED = 22.5
 """Chi-squared of six numbers that is exceeded once in 1,000."""
 _ELLIPSOID_95 = 7.815
 """Chi-squared of three numbers that is exceeded once in 20."""
+_TAIL = 0.975
+"""Share of the corrections that lie inside: more than 95 %, for a few pictures hold few of the worst."""
 _SMALLEST = 1e-4
 """Floor that stands for none [m, rad]."""
 
@@ -128,7 +130,7 @@ def fit_calibration(
     starts = [np.array([floor, floor, ratio]) for floor in (-8.0, -5.0) for ratio in (0.1, 2.0)]
     ends = [scipy.optimize.minimize(unlikelihood, start, method="Nelder-Mead", bounds=bounds) for start in starts]
     best = min(ends, key=lambda end: end.fun).x
-    tail = np.quantile(_squares(errors[:, :3], expected(best)[:, :3, :3]), 0.95) / _ELLIPSOID_95
+    tail = np.quantile(_squares(errors[:, :3], expected(best)[:, :3, :3]), _TAIL) / _ELLIPSOID_95
     widen = max(1.0, float(tail))
     return np.exp(best) * np.array([math.sqrt(widen), math.sqrt(widen), widen])
 

@@ -31,7 +31,7 @@ def test_floor_and_ratio_are_found(ratio: float, floor: float) -> None:
     real = np.linalg.inv(known + told / ratio) + floor**2 * np.eye(6)
     errors = np.einsum("nij,nj->ni", np.linalg.cholesky(real), generator.standard_normal((count, 6)))
     position, attitude, found = fit_calibration(errors, np.linalg.inv(known + told), PRIOR)
-    assert found == pytest.approx(ratio, rel=0.2)
+    assert ratio < found < 1.4 * ratio
     assert position == pytest.approx(floor, abs=1.5e-3) and attitude == pytest.approx(floor, abs=1.5e-3)
 
 
