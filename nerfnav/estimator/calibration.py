@@ -116,11 +116,11 @@ def fit_calibration(
 ) -> Float[np.ndarray, "3"]:
     """Return f_p, f_a and rho for errors with the `claimed` posteriors P_i of one prior Lambda."""
     known = np.linalg.inv(prior)
-    told = np.linalg.inv(claimed) - known
+    seen = np.linalg.inv(claimed) - known
 
     def expected(logs: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 6 6"]:
         position, attitude, ratio = np.exp(logs)
-        return np.linalg.inv(known + told / ratio) + np.diag(np.repeat([position**2, attitude**2], 3))
+        return np.linalg.inv(known + seen / ratio) + np.diag(np.repeat([position**2, attitude**2], 3))
 
     def unlikelihood(logs: Float[np.ndarray, "3"]) -> float:
         covariances = expected(logs)

@@ -1,4 +1,7 @@
-"""Filter of real pictures: the fast filter's posterior (posterior.py), its minimum found by direct image alignment."""
+"""Filter of real pictures: the fast filter's posterior (posterior.py), its minimum found by direct image alignment.
+
+The information of the picture at the minimum is measured over the uncertainty where slopes overstate it (secant.py).
+"""
 
 import dataclasses
 from dataclasses import dataclass
@@ -18,6 +21,7 @@ from nerfnav.estimator.gauss_newton.alignment import (
     start_at_mean,
 )
 from nerfnav.estimator.gauss_newton.posterior import Minimum, Selection, UpdateProblem, compute_posterior
+from nerfnav.estimator.gauss_newton.secant import measure_information
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fit_pose
 from nerfnav.estimator.photometric.levenberg_marquardt import Guess
 from nerfnav.estimator.photometric.pixel_selection import PixelSource
@@ -84,7 +88,8 @@ def _correct(problem: UpdateProblem, config: AlignConfig, starts: int) -> Filter
     else:
         guess, deviation = start_at_mean(problem).guess, image_deviation(problem.prediction, problem.view)
     ends = [_align(problem, guess[index : index + 1], deviation, config) for index in range(len(guess.exposure))]
-    result = compute_posterior(problem, min(ends, key=lambda end: float(end.iterate.cost[0])))
+    best = min(ends, key=lambda end: float(end.iterate.cost[0]))
+    result = compute_posterior(problem, measure_information(problem, best))
     yield result.step
     return result
 

@@ -52,8 +52,8 @@ class Secants:
         """
         whole, inverse = self.information / alike, torch.linalg.inv(self.root)
         cross = whole[POSE, EXPOSURE]
-        told = whole[POSE, POSE] - cross @ torch.linalg.solve(whole[EXPOSURE, EXPOSURE] + exposure.double(), cross.T)
-        return inverse.T @ told @ inverse
+        seen = whole[POSE, POSE] - cross @ torch.linalg.solve(whole[EXPOSURE, EXPOSURE] + exposure.double(), cross.T)
+        return inverse.T @ seen @ inverse
 
 
 @torch.no_grad()

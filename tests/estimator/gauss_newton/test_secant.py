@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.belief import POSE, Belief
 from nerfnav.estimator.core.filter_config import FilterConfig
+from nerfnav.estimator.gauss_newton.aligned_filter import AlignedFilter
 from nerfnav.estimator.gauss_newton.alignment import align, start_at_mean
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, information_at
@@ -144,6 +145,24 @@ def test_information_is_measured_by_secants_only_where_slopes_overstate_it():
     narrower = torch.logdet(slopes + known) - torch.logdet(measured + known)
     assert narrower > 1.0
     assert torch.linalg.eigvalsh(measured).min() > 0
+
+
+def test_an_aligned_picture_tells_less_where_slopes_overstate_it():
+    without = SecantConfig(overstated=float("inf"))
+    config = FilterConfig(color_noise=ColorNoise(std=0.02, per_patch=20.0, few_patches=1.0))
+    prediction = Belief(HERE, StateNoise(0.03, 0.01, 0.03, 0.01).covariance())
+
+    def widened_by_secants(field: VoxelField, place: VoxelField) -> float:
+        """Logarithm of how many times the covariance of the pose grows."""
+        measured, slopes = (
+            run_steps(AlignedFilter(field, CAMERA, config=each).correct(prediction, picture(place, HERE), draws(0)))
+            for each in (config, replace(config, pyramid=replace(config.pyramid, secant=without)))
+        )
+        covariances = [result.posterior.covariance[POSE][:, POSE].double() for result in (measured, slopes)]
+        return float(torch.logdet(covariances[0]) - torch.logdet(covariances[1]))
+
+    assert widened_by_secants(voxel_balls(), voxel_balls()) == 0.0
+    assert widened_by_secants(plain(stains=0.06), plain()) > 1.0
 
 
 def test_a_descent_by_secants_reaches_the_picture_from_a_wide_prediction():
