@@ -205,9 +205,8 @@ def _room(state: RigidState, goal: ActiveGoal, flight: FlightContext) -> float:
 
 
 def _is_informative(step: NavigationStep) -> bool:
-    """Check whether a picture was used, and is informative enough for the robot to go on."""
-    used = step.filter_outcome in (FilterOutcome.UPDATED, FilterOutcome.WEAK)
-    return used and not step.late and (step.recovery is None or not step.recovery.doubts)
+    """Check whether a picture was used; how little a weak one says shows in the belief's width."""
+    return step.filter_outcome in (FilterOutcome.UPDATED, FilterOutcome.WEAK) and not step.late
 
 
 def replan(

@@ -93,7 +93,7 @@ class SupervisorConfig:
     limit of the paper's robot."""
     widen: float = 1.7
     """Factor on all standard deviations of the belief for each picture that disagrees."""
-    found: StateNoise = field(default_factory=lambda: StateNoise(0.005, 2.0, 0.005, 3.0))
+    found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
     """Standard deviations of the belief after the robot was found, beyond those of the search: its velocities are
     hardly known, for it was flown on a wrong belief. With a tenth of this on the rates, the next pictures are rejected
     again."""

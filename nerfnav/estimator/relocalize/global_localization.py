@@ -98,7 +98,7 @@ class RelocaliseConfig:
     places differ less than that."""
     certain: float = 0.9
     """FOUND where the likeliest pose has at least this weight, else AMBIGUOUS ..."""
-    margin: float = 1.4
+    margin: float = 1.8
     """... and where each other place differs from the picture this many times as much, at least. Right places in
     bundled worlds have margins of 1.9 and more, false ones in plain rooms 1.2 to 1.5."""
     around: tuple[float, float] = (0.012, 0.04)
