@@ -110,7 +110,7 @@ def test_a_place_that_looks_like_another_is_ambiguous() -> None:
                           COLOR_STD * torch.tensor([1.0, 1.3]))  # fmt: skip
     covariance = torch.diag(torch.tensor([1e-4] * 6))
     assert judge(step, covariance, NOISE, CONFIG) is RelocaliseOutcome.AMBIGUOUS
-    apart = replace(step, differences=COLOR_STD * torch.tensor([1.0, 1.5]))
+    apart = replace(step, differences=COLOR_STD * torch.tensor([1.0, 2.0]))
     assert judge(apart, covariance, NOISE, CONFIG) is RelocaliseOutcome.FOUND
     assert judge(apart, 25 * covariance, NOISE, CONFIG) is RelocaliseOutcome.AMBIGUOUS, "the pose is vague"
     outliers = replace(CONFIG, core_std=0.1 * COLOR_STD)
