@@ -241,7 +241,7 @@ class PlanRecord:
 
     @property
     def expected_sigma(self) -> ExpectedSigma | None:
-        """What the views along the plan will tell; None where it was not estimated."""
+        """Sigma that the views along the plan promise; None where it was not estimated."""
         expected = self.summary.get("expected_sigma")
         return None if expected is None else ExpectedSigma(**expected)
 

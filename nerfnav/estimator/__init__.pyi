@@ -3,6 +3,7 @@ from .calibration import Calibration as Calibration
 from .calibration import calibrate_field as calibrate_field
 from .consistency import Consistency as Consistency
 from .consistency import update_consistently as update_consistently
+from .core.belief import ELLIPSOID_95 as ELLIPSOID_95
 from .core.belief import Belief as Belief
 from .core.filter_config import DescentConfig as DescentConfig
 from .core.filter_config import FastConfig as FastConfig

@@ -23,7 +23,7 @@ import torch
 from jaxtyping import Float
 
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator.core.belief import POSE, Belief
+from nerfnav.estimator.core.belief import ELLIPSOID_95, POSE, Belief
 from nerfnav.estimator.core.filter_config import FastConfig
 from nerfnav.estimator.core.filter_step import Corrector, FilterOutcome
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
@@ -42,8 +42,6 @@ _PLACE = 0.005
 and see less; at least the paper's 2 cm."""
 _EXCLUDED = 22.5
 """Chi-squared of six numbers that is exceeded once in 1,000."""
-_ELLIPSOID_95 = 7.815
-"""Chi-squared of three numbers that is exceeded once in 20."""
 _TAIL = 0.975
 """Share of the corrections that lie inside: more than 95 %, for a few pictures hold few of the worst."""
 _SMALLEST = 1e-4
@@ -52,14 +50,14 @@ _SMALLEST = 1e-4
 
 @dataclass(frozen=True)
 class Calibration:
-    """How far a field's pictures can be trusted."""
+    """Calibration of a filter in a field: floors of its errors, and information of the pictures."""
 
     position_floor_m: float
     """f_p: standard deviation of a coordinate that no picture reduces [m]."""
     attitude_floor_rad: float
     """f_a: the same of the attitude [rad]."""
     information_ratio: float
-    """rho: how many times less a picture tells than the filter claims, at least 1."""
+    """rho: factor by which a picture tells less than the filter claims, at least 1."""
     failed_share: float
     """Share of the corrections that failed."""
     corrections: int
@@ -130,7 +128,7 @@ def fit_calibration(
     starts = [np.array([floor, floor, ratio]) for floor in (-8.0, -5.0) for ratio in (0.1, 2.0)]
     ends = [scipy.optimize.minimize(unlikelihood, start, method="Nelder-Mead", bounds=bounds) for start in starts]
     best = min(ends, key=lambda end: end.fun).x
-    tail = np.quantile(_squares(errors[:, :3], expected(best)[:, :3, :3]), _TAIL) / _ELLIPSOID_95
+    tail = np.quantile(_squares(errors[:, :3], expected(best)[:, :3, :3]), _TAIL) / ELLIPSOID_95
     widen = max(1.0, float(tail))
     return np.exp(best) * np.array([math.sqrt(widen), math.sqrt(widen), widen])
 

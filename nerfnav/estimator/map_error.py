@@ -34,14 +34,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE, Belief
-from nerfnav.estimator.core.filter_config import FastConfig
+from nerfnav.estimator.core.filter_config import FastConfig, exposure_prior
 from nerfnav.estimator.core.prediction import estimate_noise_scale
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fit_pose
 from nerfnav.estimator.photometric.levenberg_marquardt import (
     Guess,
     Iterate,
     Prior,
-    join_information,
     picture_information,
 )
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, View, reduce_camera, resize_picture
@@ -221,8 +220,7 @@ class _PhotographModel:
 
     def prior(self, pixels: int) -> Prior:
         """Return a prior of the exposure alone."""
-        kappa = 1 / (self.noise.alike_of(pixels, self.patches) * self.noise.std**2)
-        return Prior(join_information(None, (FastConfig.gain_std, FastConfig.bias_std)), None, kappa, self.slack)
+        return exposure_prior(self.noise, pixels, self.patches, self.slack)
 
     def covariance(self, end: Iterate, rotation: Float[Tensor, "3 3"]) -> Float[Tensor, "6 6"]:
         """Return C at the end of a fit, in the camera's axes."""

@@ -12,13 +12,12 @@ from functools import partial
 import torch
 
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator import Belief, Estimator, inerf
+from nerfnav.estimator import ELLIPSOID_95, Belief, Estimator, inerf
 from nerfnav.estimator.core.belief import POSE
 from nerfnav.experiments.arena import Arena, make_renderer, per_arena, take_picture
 from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, fast_filter, fly_disturbed, run_over_flights
 from nerfnav.experiments.figures import COLORS, Figure, panels
 from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study
-from nerfnav.navigation import ELLIPSOID_95
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState, StateNoise
 
 METHODS = ("nerfnav", "inerf")

@@ -1,4 +1,3 @@
-from .episode import ELLIPSOID_95 as ELLIPSOID_95
 from .episode import Episode as Episode
 from .episode import EpisodeOutcome as EpisodeOutcome
 from .episode import ExpectedSigma as ExpectedSigma

@@ -22,6 +22,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import replace_file, write_npz
 from nerfnav.estimator import (
+    ELLIPSOID_95,
     Belief,
     Consistency,
     FilterOutcome,
@@ -39,8 +40,6 @@ from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 _STATE = tuple(field.name for field in fields(RigidState))
 FORMAT, VERSION = "nerfnav episode", 1
 """Format and version in episode.json."""
-ELLIPSOID_95 = 7.815
-"""Square of the radius of the 95 % ellipsoid of position: chi-squared of 3 numbers."""
 _OFF_M, _IN_A_ROW = 0.05, 3
 """Error [m] and number of time steps in a row of a silent divergence."""
 
@@ -122,7 +121,7 @@ class NavigationStep:
     """Probability that a flight by the first plan touches something, at index 0 (planner/risk/probability.py). None
     without a safety filter."""
     expected_sigma: ExpectedSigma | None = None
-    """What the views along the first plan will tell, at index 0; None where it is not known (expected_belief.py)."""
+    """Sigma that the views along the first plan promise, at index 0; None where it is unknown (expected_belief.py)."""
     fallback: FallbackTrajectory | None = None
     """Fallback trajectory beside the plan; None without a safety filter, and where the robot holds."""
     apparent: Belief | None = None

@@ -128,7 +128,7 @@ class SupervisorMemory:
     searched: int = 0
     """Pictures since in the state SEARCHING in which a search may have been due."""
     distrusts: bool = False
-    """Whether only a search ends the state."""
+    """True where only a search ends the state."""
     state: SupervisorState = SupervisorState.TRACKING
     """Present state."""
     unseen: int = 0
@@ -229,7 +229,7 @@ class Transition(NamedTuple):
     reason: str
     """Reason of a change of state, a format of a Situation."""
     searches: bool = False
-    """Whether global localization runs first: RELOCALISED where it finds the robot; else `action`, or where that is
+    """True where global localization runs first: RELOCALISED where it finds the robot; else `action`, or where that is
     None, the rows below."""
 
 

@@ -27,9 +27,10 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator import AlignConfig, ColorNoise, FastConfig, Observation, reduce_camera, resize_picture
+from nerfnav.estimator import AlignConfig, ColorNoise, Observation, reduce_camera, resize_picture
+from nerfnav.estimator.core.filter_config import exposure_prior
 from nerfnav.estimator.photometric.direct_alignment import align_picture, draw_spaced_pixels
-from nerfnav.estimator.photometric.levenberg_marquardt import Guess, NewtonConfig, Prior, improve, join_information
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, NewtonConfig, Prior, improve
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import count_patches
 from nerfnav.field import Field, FieldInfo
@@ -255,8 +256,7 @@ class _Profile:
         view, beside = View((self._field,), camera, _ITSELF), 0.5 * config.step * camera.width
 
         def prior(pixels: int) -> Prior:
-            kappa = 1 / (self._noise.alike_of(pixels, self._patches[number]) * self._noise.std**2)
-            return Prior(join_information(None, (FastConfig.gain_std, FastConfig.bias_std)), None, kappa)
+            return exposure_prior(self._noise, pixels, self._patches[number])
 
         guess = align_picture(picture, view, Guess.at(start[None]), beside, prior, AlignConfig(), draws)
         seen = Observation.of(picture, self._pixels, view.at(0))

@@ -18,6 +18,8 @@ from nerfnav.robots import ATTITUDE, POSITION, TANGENT, RigidState
 
 POSE = [*range(TANGENT)[POSITION], *range(TANGENT)[ATTITUDE]]
 """Tangent numbers that show in a picture: position and attitude."""
+ELLIPSOID_95 = 7.815
+"""Square of the radius of the 95 % ellipsoid of position: chi-squared of 3 numbers."""
 _LEAST_INFORMATION = 1.0
 """Least information in any direction, in units of the prediction's own: a picture takes no knowledge away."""
 _SLACK = 0.05

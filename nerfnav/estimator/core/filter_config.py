@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.estimator.photometric.levenberg_marquardt import Prior, join_information
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig
 from nerfnav.estimator.photometric.pyramid import PyramidConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
@@ -104,7 +105,7 @@ class FastConfig(UpdateConfig):
     adaptive: bool = True
     """Adapt the sizes of Q and S to each picture (see prediction.py; paper: no)."""
     uncalibrated: float = 4.0
-    """How many times less a picture tells in a trained field that was never calibrated (see calibration.py): standard
+    """Factor by which a picture tells less in a trained field that was never calibrated (see calibration.py): standard
     deviations are twice as wide."""
     noise_trust: float = 1.5
     """Degrees of freedom of the prior on Q's size where it is adapted."""
@@ -129,6 +130,15 @@ class FastConfig(UpdateConfig):
         attitude = self.floor.attitude_rad if info.attitude_floor_rad is None else info.attitude_floor_rad
         floor = replace(self.floor, position_m=info.position_floor_m, attitude_rad=attitude)
         return replace(known, floor=floor, grain=0.0)
+
+
+def exposure_prior(noise: ColorNoise, pixels: int, patches: float, slack: float = 0.0) -> Prior:
+    """Return the prior of a descent that knows the exposure alone, and compares so many pixels of so many patches.
+
+    `slack` is how far surfaces are misplaced over the noise of colours [m].
+    """
+    kappa = 1 / (noise.alike_of(pixels, patches) * noise.std**2)
+    return Prior(join_information(None, (FastConfig.gain_std, FastConfig.bias_std)), None, kappa, slack)
 
 
 @dataclass(frozen=True)

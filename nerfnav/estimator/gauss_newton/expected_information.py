@@ -16,15 +16,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.estimator.core.belief import POSE
 from nerfnav.estimator.core.filter_config import FastConfig
 from nerfnav.estimator.core.filter_step import is_usable
 from nerfnav.estimator.paper.cost import precision
-from nerfnav.estimator.photometric.levenberg_marquardt import EXPOSURE, Guess, join_information
+from nerfnav.estimator.photometric.levenberg_marquardt import POSE, Guess, join_information
 from nerfnav.estimator.photometric.pixel_selection import choose_pixels
 from nerfnav.estimator.photometric.pyramid import View, reduce_camera
 from nerfnav.estimator.photometric.residuals import Observation, count_patches, residuals
-from nerfnav.estimator.photometric.secant import measure_secants
+from nerfnav.estimator.photometric.secant import invert, settle_information
 from nerfnav.geometry import Pose
 
 _LONGEST, _PIXELS = 64, 192
@@ -56,12 +55,6 @@ def expected_information(
     noise, compared = config.color_noise, config.pyramid.pixels
     patches = count_patches(image, noise_std=noise.std)
     alike = noise.alike_of(compared, patches) * noise.doubt(noise.std**2, patches) * len(pixels) / compared
-    predicted, information = precision(covariance), torch.zeros(len(POSE), len(POSE))
-    exposure = join_information(None, (config.gain_std, config.bias_std))[EXPOSURE, EXPOSURE]
-    for _ in range(_ROUNDS):
-        over = torch.linalg.inv((predicted + information).double())
-        secants = measure_secants(
-            seen, Guess.at(pose[None]), 0.5 * (over + over.T), noise.std, config.pyramid.robust[-1]
-        )
-        information = secants.pose_information(alike, exposure).to(covariance)
-    return information
+    known = join_information(precision(covariance), (config.gain_std, config.bias_std))
+    robust, guess, over = config.pyramid.robust[-1], Guess.at(pose[None]), invert(known[POSE, POSE].double())
+    return settle_information(seen, guess, over, known, noise.std, alike, robust, _ROUNDS).to(covariance)

@@ -127,8 +127,8 @@ class Minimum:
     iterate: Iterate
     """Poses with their costs and curvatures."""
     information: Float[Tensor, "6 6"] | None = None
-    """What the picture tells of the pose, measured over the uncertainty (see secant.py); None: slopes at the pose
-    tell it."""
+    """Information of the picture about the pose, measured over the uncertainty (see secant.py); None: that of the
+    slopes at the pose."""
 
 
 def is_doubtful(problem: UpdateProblem, minimum: Minimum) -> bool:

@@ -20,11 +20,10 @@ from nerfnav.estimator.gauss_newton.posterior import (
     information_at,
     information_ratio,
 )
-from nerfnav.estimator.photometric.levenberg_marquardt import EXPOSURE, Guess, NewtonConfig, Prior, improve
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, NewtonConfig, improve
 from nerfnav.estimator.photometric.pixel_selection import PixelChoice, PixelSource, draw_by_gradient
 from nerfnav.estimator.photometric.residuals import Observation
-from nerfnav.estimator.photometric.secant import Secants, measure_secants
-from nerfnav.geometry import so3
+from nerfnav.estimator.photometric.secant import invert, measure_secants, settle_information
 
 
 @dataclass(frozen=True)
@@ -39,20 +38,22 @@ class PoseGaussian:
 
 def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     """Return a minimum with the information of its picture where slopes at the pose overstate that; else as it is."""
-    config, known = problem.config.pyramid.secant, problem.pose_information.double()
-    here = information_at(problem, minimum).double()
-    found = here / config.widened**2
-    seen = _thin(minimum.selection.observation, config.checked)
-    compared = len(minimum.selection.observation.pixels)  # of which those that are measured are a share
+    config, here = problem.config.pyramid.secant, information_at(problem, minimum).double()
+    seen, compared = _thin(minimum.selection.observation, config.checked), len(minimum.selection.observation.pixels)
     alike = problem.correlated(compared) * len(seen.pixels) / compared * information_ratio(problem, minimum)
-    exposure = problem.prior(compared).information[EXPOSURE, EXPOSURE]
-    for round_ in range(config.settle):
-        secants = _measure(seen, PoseGaussian(minimum.iterate.guess, _inverse(found + known)), problem)
-        found = secants.pose_information(alike, exposure)
-        overstated = float(torch.exp((torch.logdet(here + known) - torch.logdet(found + known)) / len(POSE)))
-        if round_ == 0 and not overstated > config.overstated:
-            return minimum
-    return replace(minimum, information=found.to(problem.pose_information))
+    prior, noise_std = problem.prior(compared).information, problem.config.color_noise.std
+    known = problem.pose_information.double()
+
+    def settle(start: Float[Tensor, "6 6"], rounds: int) -> Float[Tensor, "6 6"]:
+        """Measure from the covariance that an information leaves."""
+        robust, over = problem.config.pyramid.robust[-1], invert(start + known)
+        return settle_information(seen, minimum.iterate.guess, over, prior, noise_std, alike, robust, rounds)
+
+    first = settle(here / config.widened**2, 1)
+    overstated = float(torch.exp((torch.logdet(here + known) - torch.logdet(first + known)) / len(POSE)))
+    if not overstated > config.overstated:
+        return minimum
+    return replace(minimum, information=settle(first, config.settle - 1).to(problem.pose_information))
 
 
 def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:
@@ -78,17 +79,18 @@ def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Mi
         Minimum(record(problem, end, selection, before.step.iteration + 1), selection, end)
         for end in (ends[index : index + 1] for index in ends.cost.argsort().tolist())
     ]
-    best, other = (measure_information(problem, minimum) for minimum in minima)
-    poses = ends.guess.pose
-    return best, None if are_alike(poses[0], poses[1], pyramid.search.alike) else other
+    best, other = minima
+    same = are_alike(ends.guess.pose[0], ends.guess.pose[1], pyramid.search.alike)
+    return measure_information(problem, best), None if same else measure_information(problem, other)
 
 
 def _step(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> PoseGaussian:
     """Take Gauss and Newton's step to the minimum, in units of P."""
     prior = problem.prior(len(seen.pixels))
-    secants = _measure(seen, here, problem)
+    config = problem.config
+    secants = measure_secants(seen, here.guess, here.covariance, config.color_noise.std, config.pyramid.robust[-1])
     scale = torch.block_diag(secants.root, torch.eye(2).double())
-    known, change = prior.information.double(), _change(here.guess, prior)
+    known, change = prior.information.double(), prior.change_of(here.guess)[0].double()
     doubt = max(1.0, float((secants.weight * secants.residual.square()).mean()))
     alike = problem.correlated(len(seen.pixels)) * doubt
     curvature = secants.information / alike + scale.T @ known @ scale
@@ -98,27 +100,7 @@ def _step(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> Pose
     return PoseGaussian(here.guess.retract(step.float()[None]), 0.5 * (covariance + covariance.T)[:6, :6])
 
 
-def _measure(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> Secants:
-    config = problem.config
-    return measure_secants(seen, here.guess, here.covariance, config.color_noise.std, config.pyramid.robust[-1])
-
-
-def _change(guess: Guess, prior: Prior) -> Float[Tensor, "8"]:
-    """Return how far a guess is from what is known."""
-    change = torch.cat([torch.zeros(6), guess.exposure[0]]).double()
-    if prior.mean is not None:
-        pose = guess.pose[0]
-        turn = so3.local(prior.mean.rotation, pose.rotation)
-        change[:6] = torch.cat([pose.position - prior.mean.position, turn])
-    return change
-
-
 def _thin(seen: Observation, count: int) -> Observation:
     """Return evenly many of the pixels, which are in random order."""
     every = max(1, len(seen.pixels) // count)
     return replace(seen, pixels=seen.pixels[::every], colors=seen.colors[::every])
-
-
-def _inverse(matrix: Float[Tensor, "6 6"]) -> Float[Tensor, "6 6"]:
-    inverse = torch.linalg.inv(matrix)
-    return 0.5 * (inverse + inverse.T)

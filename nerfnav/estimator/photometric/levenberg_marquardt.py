@@ -123,6 +123,14 @@ class Prior:
     slack: float = 0.0
     """m / s, how far surfaces are misplaced over the noise of colours [m]."""
 
+    def change_of(self, guess: Guess) -> Float[Tensor, "n 8"]:
+        """Return d_z: how far guesses (n,) are from what is known."""
+        change = torch.cat([torch.zeros(len(guess.exposure), 6), guess.exposure], -1)
+        if self.mean is not None:
+            turn = so3.local(self.mean.rotation.expand_as(guess.pose.rotation), guess.pose.rotation)
+            change[:, POSE] = torch.cat([guess.pose.position - self.mean.position, turn], -1)
+        return change
+
     def arguments(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, float, float]:
         """Return the arguments of kernels: information, R and p of the mean, whether there is one, kappa and slack."""
         mean = Pose(torch.eye(3), torch.zeros(3)) if self.mean is None else self.mean
@@ -250,13 +258,10 @@ def _pull(
     guess: Guess, prior: Prior
 ) -> tuple[Float[Tensor, "n 8"], Float[Tensor, " n"], Float[Tensor, "n 8 8"], Float[Tensor, "n 8"]]:
     """Return d_z, how far guesses are from what is known, and the prior's parts of J, its curvature and its slope."""
-    count = len(guess.exposure)
-    change = torch.cat([torch.zeros(count, 6), guess.exposure], -1)
-    derivative = torch.eye(UNKNOWNS).repeat(count, 1, 1)
+    change = prior.change_of(guess)
+    derivative = torch.eye(UNKNOWNS).repeat(len(change), 1, 1)
     if prior.mean is not None:
-        turn = so3.local(prior.mean.rotation.expand_as(guess.pose.rotation), guess.pose.rotation)
-        change[:, POSE] = torch.cat([guess.pose.position - prior.mean.position, turn], -1)
-        derivative[:, 3:6, 3:6] = torch.linalg.inv(so3.right_jacobian(turn))
+        derivative[:, 3:6, 3:6] = torch.linalg.inv(so3.right_jacobian(change[:, 3:6]))
     push, back = change @ prior.information, derivative.transpose(1, 2)
     pulled = (back @ push[..., None])[..., 0]
     return change, (push * change).sum(-1), back @ prior.information @ derivative, pulled

@@ -23,8 +23,6 @@ from nerfnav.geometry import Pose, so3
 
 _AWAY = 6.0**0.5
 """Distance of the renderings from the middle [standard deviations]: of six numbers, the second moments are exact."""
-_ROUNDS = 6
-"""Rounds until a covariance settles: two are too few."""
 
 
 @dataclass(frozen=True)
@@ -78,23 +76,30 @@ def measure_secants(
     return Secants(root, columns, residual, huber / (noise_std**2 + bent))
 
 
-def settle_covariance(
+def settle_information(
     seen: Observation,
     guess: Guess,
-    start: Float[Tensor, "6 6"],
-    prior: Float[Tensor, "8 8"],
+    covariance: Float[Tensor, "6 6"],
+    known: Float[Tensor, "8 8"],
     noise_std: float,
     alike: float,
     robust: float,
+    rounds: int,
 ) -> Float[Tensor, "6 6"]:
-    """Return the covariance of one pose (1,) over which the secants of the colours give the same covariance.
+    """Return the information on one pose (1,), 64 bits, over the covariance that it leaves: a fixed point.
 
-    It is iterated from `start`; `prior` is the information on pose and exposure, `alike` as in `pose_information`.
+    It is iterated for so many `rounds` from a first `covariance`; `known` is the prior information on pose and
+    exposure, `alike` as in `pose_information`, the rest as in `measure_secants`.
     """
-    covariance, prior = start.double(), prior.double()
-    for _ in range(_ROUNDS):
+    known, information = known.double(), torch.zeros(6, 6).double()
+    for _ in range(rounds):
         secants = measure_secants(seen, guess, covariance, noise_std, robust)
-        information = secants.pose_information(alike, prior[EXPOSURE, EXPOSURE]) + prior[POSE, POSE]
-        covariance = torch.linalg.inv(information)
-        covariance = 0.5 * (covariance + covariance.T)
-    return covariance.to(start)
+        information = secants.pose_information(alike, known[EXPOSURE, EXPOSURE])
+        covariance = invert(information + known[POSE, POSE])
+    return information
+
+
+def invert(matrix: Float[Tensor, "n n"]) -> Float[Tensor, "n n"]:
+    """Invert a symmetric matrix; the inverse is symmetric to the last bit."""
+    inverse = torch.linalg.inv(matrix)
+    return 0.5 * (inverse + inverse.T)

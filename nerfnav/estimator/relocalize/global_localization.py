@@ -40,7 +40,7 @@ from nerfnav.estimator.photometric.levenberg_marquardt import (
 )
 from nerfnav.estimator.photometric.pyramid import observe_reduced
 from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, count_patches
-from nerfnav.estimator.photometric.secant import settle_covariance
+from nerfnav.estimator.photometric.secant import invert, settle_information
 from nerfnav.estimator.relocalize.panorama import PanoramaConfig, PanoramaIndex
 from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
@@ -50,6 +50,8 @@ _USUAL = 2.6
 """Longest edge of a place [m]: Stonehenge's."""
 _NOISY = 0.037
 """Standard deviation of colours at which `vague` was chosen: Stonehenge's."""
+_ROUNDS = 6
+"""Rounds until the covariance settles: two are too few."""
 _PARTS = (slice(0, 3), slice(3, 6))
 """Position and attitude in a pose's tangent."""
 _LEAST_KEPT = 3
@@ -306,8 +308,8 @@ def _mixture_covariance(
     start = torch.linalg.inv(picture_information(here, index) / doubt + prior[:6, :6])
     alike = doubt * noise.alike_of(len(seen.pixels), patches) * max(1.0, noise.few_patches / patches)
     guess = here.guess[index : index + 1]
-    spread = settle_covariance(seen, guess, start, prior, noise.std, alike, config.robust[-1])
-    return spread + (weights * away.T) @ away
+    found = settle_information(seen, guess, start, prior, noise.std, alike, config.robust[-1], _ROUNDS)
+    return invert(found + prior[:6, :6].double()).float() + (weights * away.T) @ away
 
 
 def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:

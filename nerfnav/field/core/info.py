@@ -60,7 +60,7 @@ class FieldInfo:
     attitude_floor_rad: float | None = None
     """The same of attitudes [rad] (see estimator/calibration.py); None likewise."""
     information_ratio: float | None = None
-    """How many times less a picture tells than the filter claims; None where it was never calibrated."""
+    """Factor by which a picture tells less than the filter claims; None where it was never calibrated."""
     failed_share: float | None = None
     """Share of corrections by pictures from known poses that failed; None likewise."""
     pose_floor: tuple[float, ...] = ()
