@@ -101,7 +101,7 @@ class SupervisorConfig:
     def __post_init__(self) -> None:
         """Raise InvalidInputError for negative rates or standard deviations."""
         require_not_negative(turn=self.turn, adrift=self.adrift, unseen_s=self.unseen_s, lost_s=self.lost_s)
-        require_positive(glance=self.glance, widest=self.widest)
+        require_positive(glance=self.glance, widest=self.widest, open=self.open, back=self.back)
 
     def limits(self, room: float) -> WidthLimits:
         """Return the limits on the width of a belief in a room [m]: the clearance, at most the distance to the goal."""

@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import POSE, Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterUpdate
@@ -508,3 +509,9 @@ def test_a_search_that_is_requested_between_two_others_is_done_at_once() -> None
     assert state is SupervisorAction.SEARCHED and searcher.asked == 0
     steps, _, _ = supervised(Supervisor(searcher), belief, FilterOutcome.DIVERGED, requested=True, **_searched(1))
     assert steps[-1].outcome is RelocaliseOutcome.FOUND
+
+
+@pytest.mark.parametrize("option", ["open", "back", "widest", "glance"])
+def test_limits_that_let_nothing_move_are_refused(option: str) -> None:
+    with pytest.raises(InvalidInputError, match=f"{option} must be a number above 0"):
+        replace(SupervisorConfig(), **{option: 0.0})

@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.errors import require_positive
 from nerfnav.estimator.photometric.levenberg_marquardt import Prior, join_information
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig
 from nerfnav.estimator.photometric.pyramid import PyramidConfig
@@ -109,6 +110,10 @@ class FastConfig(UpdateConfig):
     deviations are twice as wide."""
     noise_trust: float = 1.5
     """Degrees of freedom of the prior on Q's size where it is adapted."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for a factor that is none."""
+        require_positive(uncalibrated=self.uncalibrated)
 
     def floor_at(self, grain: float) -> StateNoise:
         """Return the least standard deviations of a posterior in a field whose nodes are `grain` [m] apart."""

@@ -53,7 +53,8 @@ def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     overstated = float(torch.exp((torch.logdet(here + known) - torch.logdet(first + known)) / len(POSE)))
     if not overstated > config.overstated:
         return minimum
-    return replace(minimum, information=settle(first, config.settle - 1).to(problem.pose_information))
+    found = first if config.settle == 1 else settle(first, config.settle - 1)
+    return replace(minimum, information=found.to(problem.pose_information))
 
 
 def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.core.errors import InvalidNumberError
+from nerfnav.core.errors import InvalidNumberError, require_not_negative, require_positive
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.residuals import FieldCamera, Observation
 from nerfnav.field import Field, GridField
@@ -97,6 +97,11 @@ class SecantConfig:
     """Rounds of the measurement."""
     rounds: int = 5
     """Steps of a descent by secants."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for numbers that measure nothing."""
+        require_positive(checked=self.checked, widened=self.widened, settle=self.settle)
+        require_not_negative(rounds=self.rounds)
 
 
 @dataclass(frozen=True)

@@ -88,8 +88,8 @@ def settle_information(
 ) -> Float[Tensor, "6 6"]:
     """Return the information on one pose (1,), 64 bits, over the covariance that it leaves: a fixed point.
 
-    It is iterated for so many `rounds` from a first `covariance`; `known` is the prior information on pose and
-    exposure, `alike` as in `pose_information`, the rest as in `measure_secants`.
+    It is iterated for so many `rounds`, at least one, from a first `covariance`; `known` is the prior information on
+    pose and exposure, `alike` as in `pose_information`, the rest as in `measure_secants`.
     """
     known, information = known.double(), torch.zeros(6, 6).double()
     for _ in range(rounds):

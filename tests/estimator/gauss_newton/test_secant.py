@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.errors import InvalidNumberError
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import POSE, Belief
 from nerfnav.estimator.core.filter_config import FilterConfig
@@ -24,7 +26,7 @@ from nerfnav.estimator.photometric.levenberg_marquardt import (
 from nerfnav.estimator.photometric.pixel_selection import draw_by_gradient
 from nerfnav.estimator.photometric.pyramid import SecantConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise, FieldCamera, Observation
-from nerfnav.estimator.photometric.secant import measure_secants
+from nerfnav.estimator.photometric.secant import invert, measure_secants, settle_information
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT
@@ -199,3 +201,18 @@ def test_pixels_are_drawn_where_the_picture_is_steep():
     pixels = draw_by_gradient(image, 60, draws(0))
     assert len({tuple(pixel) for pixel in pixels.tolist()}) == 60
     assert (pixels[:, 0] - 30).abs().max() <= 4
+
+
+@pytest.mark.parametrize("option", [{"checked": 0}, {"widened": 0.0}, {"settle": 0}, {"rounds": -1}])
+def test_secants_that_measure_nothing_are_refused(option: dict[str, float]) -> None:
+    with pytest.raises(InvalidNumberError, match=f"{next(iter(option))} must be a number"):
+        SecantConfig(**option)  # type: ignore[arg-type]
+
+
+def test_a_second_round_is_measured_over_what_the_first_leaves() -> None:
+    seen, known = all_pixels(), join_information(1e4 * torch.eye(6), (0.1, 0.05))
+    guess, over = Guess.at(HERE.pose[None]), 1e-4 * torch.eye(6).double()
+    first, second = (settle_information(seen, guess, over, known, COLOR_STD, 1.0, 10.0, rounds) for rounds in (1, 2))
+    left = invert(first + known[:6, :6].double())
+    assert torch.equal(second, settle_information(seen, guess, left, known, COLOR_STD, 1.0, 10.0, 1))
+    assert not torch.equal(first, second)
