@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from keyword import iskeyword
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -21,6 +22,7 @@ import tyro
 
 from nerfnav import __version__
 from nerfnav.core.errors import InvalidInputError, InvalidNumberError, NerfnavError, UnknownNameError
+from nerfnav.core.files import require_fetched
 from nerfnav.core.renamed import replace_old_options
 from nerfnav_app.cli.help import ALL, HELP, format_help
 from nerfnav_app.system import importing, use_one_blas_thread
@@ -116,6 +118,7 @@ def parse(words: Sequence[str]) -> tuple[ModuleType, Any]:
     for old, new in replaced.items():  # only now: a word that is no option was not renamed either
         print(f"nerfnav: {old} is now {new}: the next release removes the old name", file=sys.stderr)
     require_finite(arguments)
+    require_sources_fetched(arguments)
     return command, arguments
 
 
@@ -130,6 +133,18 @@ def require_finite(arguments: Any, prefix: str = "--", nested: str = "") -> None
             require_finite(value, f"{name}{nested}" if nested else prefix, ".")
         elif isinstance(value, float) and not math.isfinite(value):
             raise InvalidInputError(f"{name} must be a finite number, not {value}")
+
+
+def require_sources_fetched(arguments: Any) -> None:
+    """Raise InvalidInputError where an argument, of any kind, names a pointer of Git LFS in place of a file."""
+    for entry in fields(arguments):
+        value = getattr(arguments, entry.name)
+        if is_dataclass(value):
+            require_sources_fetched(value)
+        elif entry.name != "out":  # what is written takes the pointer's place
+            for name in value if isinstance(value, list | tuple) else (value,):
+                if isinstance(name, str | Path) and os.path.isfile(name):
+                    require_fetched(Path(name))
 
 
 def name_option(error: InvalidNumberError, words: Sequence[str]) -> InvalidNumberError:

@@ -1,4 +1,7 @@
-"""Atomic file writes: write beside the target and rename, so that no failure leaves half a file or harms the old."""
+"""Atomic file writes: write beside the target and rename, so that no failure leaves half a file or harms the old.
+
+Before a file is read, `require_fetched` tells a pointer of Git LFS, which any ending may have, from the file itself.
+"""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -7,6 +10,23 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+
+from nerfnav.core.errors import InvalidInputError
+
+LFS_POINTER = b"version https://git-lfs"
+"""Beginning of the small text that Git leaves in place of a large file."""
+NOT_FETCHED = "a pointer of Git LFS in place of the file itself (fetch it with `git lfs pull`)"
+
+
+def require_fetched(path: Path) -> None:
+    """Raise InvalidInputError where a file is a pointer of Git LFS; what cannot be read is left to its reader."""
+    try:
+        with path.open("rb") as file:
+            is_pointer = file.read(len(LFS_POINTER)) == LFS_POINTER
+    except OSError:
+        return
+    if is_pointer:
+        raise InvalidInputError(f"{path} is {NOT_FETCHED}")
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from nerfnav.core.files import require_fetched
 from nerfnav.importers.core.kinds import (
     ARCHIVES,
     CHECKPOINTS,
@@ -29,13 +30,19 @@ _TRUTH = "nerfnav-ground-truth"
 
 
 def source_kind(what: str | Path, bundled: Collection[str] = ()) -> SourceKind:
-    """Decide the kind of a name or path; `bundled` are the names of scenes, which come first."""
+    """Decide the kind of a name or path; `bundled` are the names of scenes, which come first.
+
+    Raises InvalidInputError for a pointer of Git LFS, which has the name of a kind, and nothing of it.
+    """
     path = Path(what)
     if str(what) in bundled:
         return SourceKind.SCENE
     if path.is_dir():
         return _folder_kind(path)
-    return _file_kind(path) if path.is_file() else SourceKind.MISSING
+    if not path.is_file():
+        return SourceKind.MISSING
+    require_fetched(path)
+    return _file_kind(path)
 
 
 def _folder_kind(folder: Path) -> SourceKind:

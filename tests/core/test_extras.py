@@ -1,5 +1,6 @@
 """Without an optional dependency, one sentence says what needs it and how to install it."""
 
+import json
 import sys
 import tomllib
 from collections.abc import Callable
@@ -40,8 +41,15 @@ def collada(folder: Path) -> None:
 
 
 def draco(folder: Path) -> None:
-    text = '{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}'
-    (folder / "house.gltf").write_text(text)
+    packed = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}
+    header = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "extensions": packed}]}],
+        "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"}],
+    }
+    (folder / "house.gltf").write_text(json.dumps(header))
     read_mesh(folder / "house.gltf")
 
 

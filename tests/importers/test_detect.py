@@ -11,11 +11,12 @@ import pytest
 import torch
 import trimesh
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import save_field
 from nerfnav.geometry.box import Box
 from nerfnav.importers.core.errors import WrongKindError, wrong_kind_error
-from nerfnav.importers.core.kinds import SourceKind, field_name
+from nerfnav.importers.core.kinds import PICTURES, UPLOADS, SourceKind, field_name
 from nerfnav.importers.detect import source_kind
 from nerfnav.importers.splats.formats import load_splats
 from nerfnav.importers.splats.gaussians import save_splats
@@ -145,6 +146,14 @@ def test_what_is_of_no_kind_is_reported_by_its_first_bytes(tmp_path: Path) -> No
     )
     (tmp_path / "b.jpg").touch()
     assert "a folder of pictures without poses" in str(wrong_kind_error(tmp_path, SourceKind.UNKNOWN, "a field"))
+
+
+@pytest.mark.parametrize("suffix", [*UPLOADS, *PICTURES])
+def test_a_pointer_of_git_lfs_is_none_of_the_kinds_that_its_ending_says(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n")
+    with pytest.raises(InvalidInputError, match=rf"^{path} is a pointer of Git LFS .*`git lfs pull`\)$"):
+        source_kind(path)
 
 
 def test_fields_are_called_as_their_sources(tmp_path: Path) -> None:

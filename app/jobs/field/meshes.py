@@ -9,9 +9,9 @@ from pathlib import Path, PurePosixPath
 
 import torch
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.field import TrainConfig
-from nerfnav.importers import MeshFileError, SceneConfig, import_mesh
+from nerfnav.importers import SceneConfig, import_mesh
 from nerfnav.importers.captures.archive import extract
 from nerfnav.importers.meshes.files import SUFFIXES, list_archived_meshes, resolve_mesh, select_mesh
 from nerfnav_app.jobs.field.bundled import images_for, photograph, training_data_of
@@ -20,7 +20,7 @@ from nerfnav_app.jobs.field.training_data import Gathering, relay_import
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
-_BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff")
+_BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".avif", ".gif", ".bmp", ".tga", ".tif", ".tiff")
 """Endings of the files that meshes in an archive may need."""
 
 
@@ -61,6 +61,7 @@ def _unpack_mesh(source: Path) -> Iterator[Path]:
         extract(source, Path(folder), (*SUFFIXES, *_BESIDE))
         try:
             yield Path(folder) / name
-        except MeshFileError as error:
-            # the user knows the archive, not the folder that it was unpacked into
-            raise MeshFileError(str(error).replace(folder + os.sep, "")) from error
+        except NerfnavError as error:
+            if folder in str(error):  # the user knows the archive, not the folder that it was unpacked into
+                error.args = (str(error).replace(folder + os.sep, ""),)
+            raise

@@ -6,9 +6,11 @@ Light on purpose: naming an ending or a kind imports none of the readers.
 from enum import Enum
 from pathlib import Path
 
+from nerfnav.core.files import LFS_POINTER, NOT_FETCHED
+
 FIELD = ".npz"
 """A field that nerfnav wrote."""
-MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae")
+MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".dae")
 SPLATS = (".ply", ".splat", ".spz", ".sog", ".ksplat")
 """Gaussian splats; a .ply may be a mesh instead."""
 OWN_SPLATS = ".splats.npz"
@@ -69,7 +71,7 @@ def field_name(what: str | Path) -> str:
 HEAD_BYTES = 512
 """Bytes that are examined."""
 _MAGIC: tuple[tuple[int, bytes, str], ...] = (
-    (0, b"version https://git-lfs", "a pointer of Git LFS in place of the file itself (fetch it with `git lfs pull`)"),
+    (0, LFS_POINTER, NOT_FETCHED),
     (0, b"ply", "a PLY file"),
     (0, b"glTF", "a binary glTF mesh (.glb)"),
     (0, b"NGSP", "Gaussian splats as SPZ (.spz)"),
@@ -101,6 +103,16 @@ _TEXT: tuple[tuple[bytes, str], ...] = (
 )
 
 
+_MARKS = (
+    (b"\xef\xbb\xbf", "utf-8-sig"),
+    (b"\xff\xfe\0\0", "utf-32"),
+    (b"\0\0\xfe\xff", "utf-32"),
+    (b"\xff\xfe", "utf-16"),
+    (b"\xfe\xff", "utf-16"),
+)
+"""Byte order marks; that of UTF-32 begins like that of UTF-16."""
+
+
 def identify_data(head: bytes) -> str | None:
     """Name the kind of data that begins with `head`, as words for a sentence; None where it is not recognized."""
     for offset, magic, name in _MAGIC:
@@ -111,6 +123,17 @@ def identify_data(head: bytes) -> str | None:
     if named is None and head and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
         return "text"
     return named
+
+
+def decode_text(data: bytes) -> str:
+    """The text of a file by its byte order mark, else as UTF-8, else as Latin-1, in which any bytes are text."""
+    for mark, encoding in _MARKS:
+        if data.startswith(mark):
+            return data.decode(encoding, "replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def read_head(path: Path) -> bytes:

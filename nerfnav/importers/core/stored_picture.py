@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.files import LFS_POINTER, NOT_FETCHED
 
 if TYPE_CHECKING:
     from PIL import Image  # slow to import, and most starts read no picture
@@ -39,6 +40,8 @@ def read_picture(data: bytes, aspect: float | None = None) -> StoredPicture:
     """
     from PIL import ExifTags, Image
 
+    if data.startswith(LFS_POINTER):
+        raise InvalidInputError(f"it is {NOT_FETCHED}")
     try:
         with Image.open(io.BytesIO(data)) as image:
             image.load()

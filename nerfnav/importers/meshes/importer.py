@@ -21,6 +21,7 @@ from nerfnav.importers.meshes.files import MeshFile, read_mesh
 from nerfnav.importers.meshes.parts import Parts, join_parts
 from nerfnav.importers.meshes.placement import PlacedMesh, place_mesh
 from nerfnav.importers.meshes.solids import Pieces, split_solids
+from nerfnav.importers.meshes.stray import find_stray, leave_out_stray
 from nerfnav.world import Paint, Scene, Vantage, guess_vantage
 
 
@@ -133,13 +134,18 @@ class ImportedMesh:
 def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[ImportStep, None, ImportedMesh]:
     """Read a mesh file and return its scene.
 
-    Raises MeshFileError, in one sentence, for unusable files.
+    Raises MeshFileError, in one sentence, for unusable files, and StrayPartsError for parts far away without a box.
     """
     config = config or SceneConfig()
     yield ImportStep("reading the mesh", 0.0)
     file = read_mesh(path)
     yield ImportStep("joining its parts", 0.3)
-    placed = place_mesh(join_parts(file), file.declared, config.placement, config.options.units, path)
+    parts = join_parts(file.parts, path)
+    stray = find_stray(parts)
+    placed = place_mesh(parts, file.declared, config.placement, config.options.units, path, stray)
+    if stray.any():
+        kept, note = leave_out_stray(placed.parts, stray, config.placement.box, path)
+        placed = replace(placed, parts=kept, guesses=(*placed.guesses, note))
     yield ImportStep("finding what is solid", 0.5)
     pieces = split_solids(placed.parts)
     yield ImportStep("looking around", 0.8)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool
 
 from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.core.placement import (
@@ -24,7 +25,7 @@ from nerfnav.importers.meshes.parts import Parts
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Lengths of units [m]."""
-_POSSIBLE = (0.02, 5000.0)
+POSSIBLE = (0.02, 5000.0)
 """Longest edges with which anything can be done [m]."""
 _FAR_OFF = 50.0
 """A mesh further from its origin than so many of its longest edges is moved there: single precision ends somewhere."""
@@ -44,29 +45,40 @@ class PlacedMesh:
     """Sentences for the user."""
 
 
-def place_mesh(parts: Parts, declared: Declaration, placement: Placement, units: str | None, path: Path) -> PlacedMesh:
-    """Turn, scale and, where it is far off, move a mesh. Raises MeshFileError for sizes that nothing can be."""
+def place_mesh(
+    parts: Parts,
+    declared: Declaration,
+    placement: Placement,
+    units: str | None,
+    path: Path,
+    stray: Bool[np.ndarray, " f"],
+) -> PlacedMesh:
+    """Turn, scale and, where it is far off, move a mesh; its `stray` faces have no say in that.
+
+    Raises MeshFileError for sizes that nothing can be.
+    """
+    main = parts.select(~stray) if stray.any() else parts
     guesses: list[str] = []
     if placement.up is not None:
         up = np.array(placement.up) / np.linalg.norm(placement.up)
     else:
-        axis, why = _up_of(parts, declared)
+        axis, why = _up_of(main, declared)
         up = np.array(AXES[axis])
         guesses.append(f"up is {axis} {why}")
-    longest = float(np.ptp(parts.bounds, axis=0).max())
+    longest = float(np.ptp(main.bounds, axis=0).max())
     scale = placement.meters_per_unit if units is None else METERS[units]
     if scale is None:
         scale, why = _scale_of(longest, declared)
         unit = next((name for name, meters in METERS.items() if meters == scale), f"units of {scale:g} m")
         guesses.append(f"lengths are in {unit} {why}")
-    if not _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]:
+    if not POSSIBLE[0] <= scale * longest <= POSSIBLE[1]:
         raise MeshFileError(
-            f"{path} would be {scale * longest:.3g} m long, but only {_POSSIBLE[0]:g} to {_POSSIBLE[1]:g} m can be "
+            f"{path} would be {scale * longest:.3g} m long, but only {POSSIBLE[0]:g} to {POSSIBLE[1]:g} m can be "
             "worked with: give its --units or --scale"
         )
-    vertices = scale * parts.vertices @ rotation_to_z(up).T
-    lower, upper = vertices.min(0), vertices.max(0)
-    if np.abs(vertices).max() > _FAR_OFF * scale * longest:
+    vertices, core = (scale * points @ rotation_to_z(up).T for points in (parts.vertices, main.vertices))
+    lower, upper = core.min(0), core.max(0)
+    if np.abs(core).max() > _FAR_OFF * scale * longest:
         offset = np.array([*(0.5 * (lower + upper))[:2], lower[2]])
         vertices = vertices - offset
         guesses.append(f"moved by {', '.join(f'{-x:.1f}' for x in offset)} m to the origin, from which it was far off")
@@ -88,10 +100,9 @@ def _up_of(parts: Parts, declared: Declaration) -> tuple[str, str]:
 
 def _middle(parts: Parts, axis: int) -> float:
     """Centre of the surface along an axis, between 0 at the lowest and 1 at the highest point."""
-    triangles = parts.vertices[parts.faces]
-    area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=-1)
+    area = parts.areas
     lower, upper = parts.bounds[:, axis]
-    along = (triangles[:, :, axis].mean(1) - lower) / max(upper - lower, 1e-12)
+    along = (parts.vertices[parts.faces, axis].mean(1) - lower) / max(upper - lower, 1e-12)
     return float((area * along).sum() / area.sum())
 
 
@@ -103,7 +114,7 @@ def _scale_of(longest: float, declared: Declaration) -> tuple[float, str]:
         if PLAUSIBLE[0] <= scale * longest <= PLAUSIBLE[1]:
             guess = f"guessed: so it is {scale * longest:.3g} m long"
             return scale, f"({'the file says so' if given and scale == given[0] else guess})"
-    possible = [scale for scale in tried if _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]]
+    possible = [scale for scale in tried if POSSIBLE[0] <= scale * longest <= POSSIBLE[1]]
     scale = (possible or tried)[0]
     return scale, f"(a doubtful guess: so it is {scale * longest:.3g} m long)"
 

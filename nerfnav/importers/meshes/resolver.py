@@ -1,18 +1,23 @@
 """Resolver of the files that a mesh names: textures, materials and buffers.
 
 Only files in the mesh's own folder are read or, for a mesh in meshes/ of a Gazebo model (model.config, meshes/ and,
-beside these, materials/textures/ or textures/), in the model's folder.
+beside these, materials/textures/ or textures/), in the model's folder. Textures that are missing or no pictures make
+grey, and a note; a missing buffer is an error.
 """
 
 import io
+import os
 import urllib.parse
-from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
-from trimesh.resolvers import Resolver
 
-from nerfnav.importers.core.errors import MeshFileError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.files import require_fetched
+from nerfnav.importers.core.kinds import identify_data
+from nerfnav.importers.meshes.parts import DamagedMeshError
+from nerfnav.world.surface import Image as Pixels
 
 
 def root_of(mesh: Path) -> Path:
@@ -26,68 +31,94 @@ def root_of(mesh: Path) -> Path:
 
 
 _TEXTURES = ("materials/textures", "textures", "materials/scripts", "meshes")
-_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds"}
+_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds", ".avif", ".ktx2"}
 
 
-class FolderResolver(Resolver):
-    """Reads what lies beside a mesh, and remembers what it could not: readers of meshes go on without it, unheard."""
+class PictureError(DamagedMeshError):
+    """A texture that cannot be had: what it covers is grey."""
+
+    def __init__(self, name: str, why: str) -> None:
+        """Say why the texture `name` is not shown."""
+        super().__init__(f"its texture {name} {why}, so what it covers is grey")
+
+
+def decode_picture(data: bytes, name: str) -> Pixels:
+    """The sRGB pixels of a picture. Raises PictureError where it is none that can be read."""
+    try:
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), np.uint8)
+    except Exception as error:  # whatever a picture of unknown origin makes its reader raise
+        kind = identify_data(data[:64])
+        named = f" ({kind})" if kind else ""
+        raise PictureError(name, f"is no picture that can be read{named}") from error
+
+
+class FolderResolver:
+    """Reads what lies beside a mesh, and collects notes for the user."""
 
     def __init__(self, mesh: Path) -> None:
         """Read from the folder of `mesh` and the folders in it, or of the model that it belongs to."""
-        self._mesh = mesh
         self._folder = mesh.resolve().parent
         self._root = root_of(mesh)
-        self._failed: list[str] = []
         self.notes: list[str] = []
 
     def get(self, key: str) -> bytes:
-        """The bytes of a file that the mesh names. Raises MeshFileError where it is missing or lies elsewhere."""
-        name = urllib.parse.unquote(key).strip().replace("\\", "/").removeprefix("file://").removeprefix("./")
+        """The bytes of a buffer or of materials. Raises MeshFileError where the file is missing or lies elsewhere."""
+        name = _name_of(key)
         path = self._found(name)
-        suffix = path.suffix.lower()
         if not path.is_relative_to(self._root):
-            raise self._failure(f"names the file {name}, which lies outside its own folder: it is not read")
-        if not path.is_file():
-            if suffix not in (".mtl", *_PICTURES):
-                raise self._failure(f"needs the file {name}, which is not beside it")
-            note = f"its texture {name} is missing, so what it covers is grey"
-            if suffix == ".mtl":  # without it there are no colours, but all of the shape
-                note = f"its materials {name} are missing, so it is grey"
-            if note not in self.notes:
-                self.notes.append(note)
-            raise FileNotFoundError(name)
-        data = path.read_bytes()
-        if suffix in _PICTURES:
-            try:
-                Image.open(io.BytesIO(data)).verify()
-            except Exception as error:  # whatever a picture of unknown origin makes its reader raise
-                raise self._failure(f"needs the texture {name}, which is no picture that can be read") from error
-        return data
+            raise DamagedMeshError(f"names the file {name}, which lies outside its own folder: it is not read")
+        if not os.path.isfile(path):  # unlike Path.is_file it takes any name
+            raise DamagedMeshError(f"needs the file {name}, which is not beside it")
+        return _bytes(path)
 
-    def refuse_what_failed(self) -> None:
-        """Raise MeshFileError for the first file that could not be had."""
-        if self._failed:
-            raise MeshFileError(self._failed[0])
+    def picture(self, key: str) -> Pixels:
+        """The sRGB pixels of a texture that the mesh names. Raises PictureError where it cannot be had."""
+        name = _name_of(key)
+        path = self._found(name)
+        if not path.is_relative_to(self._root):
+            raise PictureError(name, "lies outside its own folder and is not read")
+        if not os.path.isfile(path):
+            raise PictureError(name, "is missing")
+        return decode_picture(_bytes(path), name)
 
-    def keys(self) -> Iterator[str]:
-        """Names of all files that can be read."""
-        return (str(path.relative_to(self._folder)) for path in self._folder.rglob("*") if path.is_file())
-
-    def write(self, name: str, data: object) -> None:
-        """Nothing is ever written beside a mesh."""
-        raise MeshFileError(f"{self._mesh}: nothing is written beside a mesh")
-
-    def namespaced(self, namespace: str) -> "FolderResolver":
-        """The same: folders are part of names."""
-        return self
+    def note(self, sentence: str) -> None:
+        """Keep a sentence for the user, once."""
+        if sentence not in self.notes:
+            self.notes.append(sentence)
 
     def _found(self, name: str) -> Path:
-        """Path of a file: as its name is written, else, by its last part, in the model's folders of textures."""
+        """Path of a file: as its name is written, in any case; a texture's also by its last part, in other folders.
+
+        Programs write the whole path that a texture has on their own machine.
+        """
         path = (self._folder / name).resolve()
         last = Path(name).name
-        others = (self._root / folder / last for folder in _TEXTURES) if self._root != self._folder else ()
-        return path if path.is_file() else next((other.resolve() for other in others if other.is_file()), path)
+        folders = [path.parent]
+        if path.suffix.lower() in _PICTURES or self._root != self._folder:
+            folders.append(self._folder)
+        if self._root != self._folder:
+            folders += [self._root / folder for folder in _TEXTURES]
+        for folder in folders:
+            if folder.resolve().is_relative_to(self._root) and folder.is_dir():
+                exact = folder / last
+                alike = (entry for entry in sorted(folder.iterdir()) if entry.name.lower() == last.lower())
+                found = exact if os.path.isfile(exact) else next(alike, None)
+                if found is not None and found.is_file():
+                    return found.resolve()
+        return path
 
-    def _failure(self, what: str) -> MeshFileError:
-        self._failed.append(f"{self._mesh} {what}")
-        return MeshFileError(self._failed[-1])
+
+def _bytes(path: Path) -> bytes:
+    try:
+        require_fetched(path)
+        return path.read_bytes()
+    except InvalidInputError as error:
+        raise DamagedMeshError(f"needs a file that is not there: {error}") from error
+    except OSError as error:
+        raise DamagedMeshError(f"names the file {path.name}, which cannot be read: {error.strerror}") from error
+
+
+def _name_of(key: str) -> str:
+    """The name of a file by a URI or by a path of any system, relative to the mesh."""
+    name = urllib.parse.unquote(key).encode("utf-8", "replace").decode().replace("\0", "").strip().replace("\\", "/")
+    return name.removeprefix("file://").removeprefix("./")

@@ -393,6 +393,29 @@ def test_bad_input_is_refused_in_one_sentence(
     assert list(tmp_path.iterdir()) == [], "nothing was begun"
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "POINTER.npz"],
+        ["open", "POINTER.glb"],
+        ["train", "POINTER.zip", "--out", "f.npz"],
+        ["import", "POINTER.spz", "--out", "f.npz"],
+        ["plan", "stonehenge", "--robot", "POINTER.yaml", *FROM, *TO],
+        ["localize", "field.npz", "POINTER.png"],
+        ["track", "field.npz", "POINTER.mp4", "--out", "run"],
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_a_pointer_of_git_lfs_is_named_for_every_argument(
+    words: list[str], field_file: Path, capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "field.npz").write_bytes(field_file.read_bytes())
+    (name,) = (word for word in words if word.startswith("POINTER"))
+    (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n")
+    assert f"{name} is a pointer of Git LFS in place of the file itself" in refused(words, capsys)
+
+
 def test_a_goal_inside_a_block_is_refused_with_the_nearest_free_point(field_file: Path, capsys: Capture) -> None:
     sentence = refused(["plan", str(field_file), *FROM, "--goal", "0.15", "0", "0.5"], capsys)
     assert "the goal (0.15, 0.00, 0.50) is in occupied space; the nearest free point is (0." in sentence

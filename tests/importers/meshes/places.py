@@ -9,6 +9,7 @@ import trimesh
 from PIL import Image
 from trimesh.exchange.gltf import export_gltf
 from trimesh.exchange.obj import export_obj
+from trimesh.exchange.off import export_off
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
@@ -57,6 +58,8 @@ def write(scene: trimesh.Scene | trimesh.Trimesh, path: Path) -> Path:
         path.write_text(text)
         for name, data in files.items():
             path.with_name(name).write_bytes(data)
+    elif path.suffix == ".off":
+        path.write_text(export_off(scene.to_mesh() if isinstance(scene, trimesh.Scene) else scene))
     else:
         data = scene.export(file_type=path.suffix[1:])
         path.write_bytes(data if isinstance(data, bytes) else data.encode())

@@ -104,24 +104,32 @@ def test_a_missing_buffer_is_named(tmp_path: Path):
     _refused(path, "cut off")
 
 
-def test_a_texture_that_is_no_picture_is_refused(tmp_path: Path):
+def _made_grey(path: Path, match: str) -> None:
+    """Assert that a texture that cannot be read makes grey, and one note."""
+    found = imported(path)
+    guesses = found.report["guesses"]
+    assert isinstance(guesses, list) and sum(match in guess for guess in guesses) == 1
+    assert found.scene.paint is not None and -1 in found.scene.paint.image_of_face
+
+
+def test_a_texture_that_is_no_picture_makes_grey(tmp_path: Path):
     path = write_collada([(quad(-1, 1), (9, 9, 9))], tmp_path / "floor.dae")
     (tmp_path / "floor0.png").write_text("no picture")
-    _refused(path, r"texture floor0\.png, which is no picture")
+    _made_grey(path, "its texture floor0.png is no picture that can be read (text), so what it covers is grey")
     path = write(textured(quad(-1, 1), (9, 9, 9)), tmp_path / "floor.glb")
     path.write_bytes(path.read_bytes().replace(b"\x89PNG", b"\x00ING"))
-    _refused(path, "has a texture, number 0, that is no picture")
+    _made_grey(path, "its texture images[0] is no picture")
 
 
-def test_a_texture_inside_a_gltf_that_is_no_picture_is_refused(tmp_path: Path):
+def test_a_texture_inside_a_gltf_that_is_no_picture_makes_grey(tmp_path: Path):
     path = write(two_textures(), tmp_path / "two.gltf")
     header = json.loads(path.read_text())
     header["images"][0] = {"uri": data_uri(b"no picture"), "mimeType": "image/png"}
     path.write_text(json.dumps(header))
-    _refused(path, "has a texture, number 0, that is no picture")
+    _made_grey(path, "its texture images[0] is no picture")
     header["images"][0] = {"bufferView": 9999}
     path.write_text(json.dumps(header))
-    _refused(path, "does not say where texture 0 is")
+    _refused(path, r"images\[0\] names bufferViews\[9999\]")
 
 
 @pytest.mark.parametrize(
@@ -178,7 +186,7 @@ def test_collada_with_entities_of_its_own_is_refused(tmp_path: Path):
 
 
 def test_a_file_of_another_kind_or_none_is_refused(tmp_path: Path):
-    with pytest.raises(MeshFileError, match=r"these can: \.glb, \.gltf, \.obj, \.ply, \.stl, \.dae"):
+    with pytest.raises(MeshFileError, match=r"these can: \.glb, \.gltf, \.obj, \.ply, \.stl, \.off, \.dae"):
         read_mesh(tmp_path / "a.fbx")
     with pytest.raises(MeshFileError, match="No such file"):
         read_mesh(tmp_path / "a.glb")
