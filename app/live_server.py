@@ -20,7 +20,7 @@ from websockets.http11 import Request, Response
 from nerfnav.core.errors import NerfnavError
 from nerfnav.live import Answer, CameraCheck, Navigator, messages
 from nerfnav.live.navigator import pixels_of
-from nerfnav_app.security.access import AccessPolicy
+from nerfnav_app.security.access import AccessPolicy, silence_failed_handshakes
 from nerfnav_app.system import TORCH_THREADS
 
 
@@ -84,6 +84,7 @@ class LiveServer:
 
     async def run(self, port: int, preparing: Callable[[str], None], ready: Callable[[], None]) -> None:
         """Prepare, tell what is being done, listen, tell that it is ready, and serve until cancelled."""
+        silence_failed_handshakes()
         try:
             await asyncio.get_running_loop().run_in_executor(self._computing, self._prepare, preparing)
             async with serve(

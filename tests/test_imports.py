@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 LEVELS = (
     ("core",),
     ("geometry",),
+    ("formats",),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
     ("inertial",),

@@ -28,9 +28,16 @@ def show(title: str, summary: dict[str, Any], as_json: bool) -> None:
         sys.stdout.write(json_line(summary) + "\n")
         return
     table = Table(title=title, title_justify="left", show_header=False, box=None, pad_edge=False)
-    for name, value in _flat(summary):
+    for name, value in _flat(_without_known_keys(summary)):
         table.add_row(*_row(name, value))
     Console().print(table)
+
+
+def _without_known_keys(summary: dict[str, Any]) -> dict[str, Any]:
+    """The summary for people: of the keys of an input file, those that are not known, if any."""
+    keys = summary.get("input_keys") or {}
+    unknown = {"unknown_keys": keys["unknown"]} if keys.get("unknown") else {}
+    return {name: value for name, value in summary.items() if name != "input_keys"} | unknown
 
 
 def note(sentence: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.core.files import replace_file
+from nerfnav.formats import PICTURES
 from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav_app.places.sources import SUFFIXES
 
@@ -80,7 +81,7 @@ def write_upload(path: Path, content: bytes) -> None:
 
 TRACK_SUFFIXES = (*VIDEOS, ".zip")
 """Endings of what is taken."""
-_PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".txt", ".json", ".csv", ".yaml")
+_PICTURES = (*PICTURES, ".txt", ".json", ".csv", ".yaml")
 """Endings of what is unpacked: pictures, and what tells their times and their camera."""
 
 

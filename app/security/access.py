@@ -9,6 +9,7 @@ import gzip
 import hmac
 import http
 import ipaddress
+import logging
 import time
 from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
@@ -124,3 +125,12 @@ class TokenBucket:
             return False
         self._left -= amount
         return True
+
+
+def silence_failed_handshakes() -> None:
+    """Log no tracebacks of visitors that speak no HTTP, or leave before asking: probes of a port, TLS."""
+    logging.getLogger("websockets.server").addFilter(_is_worth_telling)
+
+
+def _is_worth_telling(record: logging.LogRecord) -> bool:
+    return record.getMessage() != "opening handshake failed"

@@ -15,7 +15,6 @@ large or larger than it said, few at a time, to upload buttons alone.
 
 import contextlib
 import io
-import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,7 +27,7 @@ import websockets.asyncio.server
 from websockets.http11 import Request, Response
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav_app.security.access import AccessPolicy
+from nerfnav_app.security.access import AccessPolicy, silence_failed_handshakes
 from nerfnav_app.security.address import check_token
 from nerfnav_app.security.message_filter import LARGEST_FRAME, MOST_WAITING, MessageFilter
 
@@ -119,7 +118,7 @@ def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) 
     """
     check_token(host, token)
     message_filter = MessageFilter()
-    logging.getLogger("websockets.server").addFilter(_is_worth_telling)
+    silence_failed_handshakes()
     access = AccessPolicy(host, token, policy.brand)
     with guarding(access, message_filter), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, verbose=False)
@@ -129,8 +128,3 @@ def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) 
     limit_uploads(server, policy.most_upload_bytes)
     message_filter.open(server)
     return server
-
-
-def _is_worth_telling(record: logging.LogRecord) -> bool:
-    """Drop the tracebacks of visitors that leave before asking; viser does so only after the first request."""
-    return record.getMessage() != "opening handshake failed"

@@ -6,14 +6,6 @@ from .camera import Camera as Camera
 from .camera import Pose as Pose
 from .camera import fibonacci_directions as fibonacci_directions
 from .camera import look_at as look_at
-from .camera_file import format_camera as format_camera
-from .camera_file import parse_camera as parse_camera
-from .camera_file import read_camera as read_camera
-from .colmap_cameras import ColmapBytes as ColmapBytes
-from .colmap_cameras import ColmapCamera as ColmapCamera
-from .colmap_cameras import colmap_cameras as colmap_cameras
-from .colmap_cameras import colmap_lines as colmap_lines
-from .colmap_cameras import colmap_rows as colmap_rows
 from .color import invert_tone_map as invert_tone_map
 from .color import to_linear as to_linear
 from .color import to_srgb as to_srgb

@@ -65,6 +65,8 @@ class PosedImages:
     """Masks of pictures that are cut out: pixels on or beside what they show; None where they are not cut out."""
     sightings: Sightings | None = None
     """Points that structure from motion found in the images; None where it found none."""
+    mask: Bool[Tensor, "n height width"] | None = None
+    """Pixels that count, in learning, in proofs of free space and in judging; None: all. Depth is 0 at the others."""
 
     def __len__(self) -> int:
         """Number of images."""
@@ -74,10 +76,12 @@ class PosedImages:
         """The images at `index`, with their poses."""
         depth = None if self.depth is None else self.depth[index]
         shown = None if self.silhouettes is None else self.silhouettes[index]
+        mask = None if self.mask is None else self.mask[index]
         sightings = None if self.sightings is None else self.sightings.of_images(torch.arange(len(self))[index])
         return replace(
             self, images=self.images[index], poses=self.poses[index], depth=depth, silhouettes=shown,
             sightings=sightings,
+            mask=mask,
         )  # fmt: skip
 
     @property

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from nerfnav.core.files import require_fetched
+from nerfnav.formats import PICTURES
 from nerfnav.importers.core.kinds import (
     ARCHIVES,
     CHECKPOINTS,
     FIELD,
     MESHES,
     OWN_SPLATS,
-    PICTURES,
     SPLATS,
     VIDEOS,
     SourceKind,

@@ -108,8 +108,8 @@ class Answer:
     time: float
     """When the picture was taken, and what `position` to `covariance` are of [s]."""
     status: str
-    """`searching`, `found`, `followed`, `predicted`, `lost` or `found_again` (see TrackStatus); or `old`: the picture
-    is not newer than the one before it and was not used, so that what was answered last still holds."""
+    """`searching`, `found`, `followed`, `predicted`, `lost` or `found_again` (see TrackStatus); or `old`: the time of
+    the picture does not follow the one before it; it was not used, so that what was answered last still holds."""
     sentence: str
     """The status in words."""
     position: Vector | None = None

@@ -5,15 +5,16 @@
     answer = navigator.see(picture, time)                     # pose with covariance
     answer = navigator.see(picture, time, Goal((1, 2, 1)))    # and guidance
 
-It begins by looking everywhere; the vehicle had better stay where it is meanwhile. A picture that is not newer than
-the one before it is refused: the answer says so, and changes nothing. One that is older than `LiveConfig.oldest_s`
-by the vehicle's clock is used at its own time, but nothing is planned from it.
+It begins by looking everywhere; the vehicle had better stay where it is meanwhile. A picture whose stamp does not
+follow the one before it is refused: the answer says so, and changes nothing; where the clock began anew
+(nerfnav/live/clock.py), so does the navigator. A picture that is older than `LiveConfig.oldest_s` by the vehicle's
+clock is used at its own time, but nothing is planned from it.
 """
 
 import io
 import math
-import time as clock
-from collections.abc import Iterator
+import time as wall_clock
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 
@@ -29,6 +30,7 @@ from nerfnav.estimator import Belief, FastFilter
 from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.live.answer import Answer, CameraCheck, Goal, Guidance, Order
+from nerfnav.live.clock import Stamp, VehicleClock, format_stamp
 from nerfnav.live.guide import Guide, GuideConfig
 from nerfnav.live.messages import Picture
 from nerfnav.live.setpoints import GuidedVehicle, compute_guided_action
@@ -77,16 +79,19 @@ class Navigator:
 
     def __init__(
         self, field: Field, robot: Robot, camera: Camera | None = None, mount: Pose | None = None,
-        config: LiveConfig | None = None,
+        config: LiveConfig | None = None, log: Callable[[str], None] = lambda sentence: None,
     ) -> None:  # fmt: skip
-        """Begin without a pose; `camera` and `mount` (T_body_camera) are the robot's own by default."""
+        """Begin without a pose; `camera` and `mount` (T_body_camera) are the robot's own by default.
+
+        `log` takes sentences for people: a wrong stamp, a clock that began anew.
+        """
         self.config = LiveConfig() if config is None else config
         self.field, self.robot = field, robot
         self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
         tracking = self.config.tracker.for_field(field.info) if isinstance(field, GridField) else self.config.tracker
         self._tracker = Tracker(field, self.camera, GuidedVehicle(robot.name), self.mount, tracking)
         self._guide = Guide(field, robot, self.config.guide)
-        self._last: float | None = None
+        self._clock, self._log = VehicleClock(), log
         self._followed: Guidance | None = None
         self._sightings: list[Sighting] = []
         self.camera_fit: CameraFit | None = None
@@ -96,7 +101,8 @@ class Navigator:
         """Begin anew: another vehicle comes, or its clock begins anew. Preparations are kept."""
         self._tracker.forget()
         self._guide.forget()
-        self._last = self._followed = self.camera_fit = None
+        self._clock = VehicleClock()
+        self._followed = self.camera_fit = None
         self._sightings = []
 
     def prepare(self) -> Iterator[str]:
@@ -123,22 +129,27 @@ class Navigator:
         picture's age follows. Raises InvalidInputError for what is no picture of the camera, or no time.
         """
         self._check(picture, time, now)
-        if self._last is not None and not time > self._last:
-            sentence = f"not used: it was taken at {time:.3f} s, and one of {self._last:.3f} s was seen before"
-            return Answer(time, OLD, sentence)
-        action = compute_guided_action(
-            self._followed, time if self._last is None else self._last, time, not self.robot.planar
-        )
+        clock, stamp = self._clock, self._clock.judge(time)
+        if stamp in (Stamp.LATE, Stamp.DOUBTFUL):
+            doubt = "; the next picture tells whether the clock began anew" if stamp is Stamp.DOUBTFUL else ""
+            before = "" if clock.last is None else f", and one of {format_stamp(clock.last)} was seen before"
+            return Answer(time, OLD, f"not used: it was taken at {format_stamp(time)}{before}{doubt}")
+        if stamp is Stamp.RESTARTED:
+            self.forget()
+        last = time if self._clock.last is None else self._clock.last
+        action = compute_guided_action(self._followed, last, time, not self.robot.planar)
         tracked = self._tracker.observe(Frame(time, picture, f"the picture of {time:.3f} s"), action)
-        self._last, self._followed = time, None
+        if (settled := clock.use(time)) is not None:
+            self._log(settled)
+        self._clock, self._followed = clock, None
         self._compare_camera(tracked, picture)
         answer = replace(_answer(tracked), camera_check=_checked(self.camera_fit))
         if goal is None:
             self._guide.forget()
             return answer
-        begun = clock.perf_counter()
+        begun = wall_clock.perf_counter()
         guidance = self._followed = self._guidance(tracked, goal, 0.0 if now is None else now - time)
-        return replace(answer, guidance=guidance, plan_ms=1e3 * (clock.perf_counter() - begun))
+        return replace(answer, guidance=guidance, plan_ms=1e3 * (wall_clock.perf_counter() - begun))
 
     def _compare_camera(self, tracked: TrackedFrame, picture: Tensor) -> None:
         """Fit the focal length once, as soon as enough pictures were followed: that takes some 0.3 s."""

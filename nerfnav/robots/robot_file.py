@@ -7,7 +7,7 @@
     body: {box: [0.25, 0.25, 0.08]}                    # see robots/body_file.py
     limits: {thrust: 16.8, tilt: 0.9, speed: 3.0}      # all may be left out
     camera: {position: [0.1, 0, 0.05], pitch: 0.2, width: 200, height: 200, fov: 90}
-    camera: {file: camera.yaml, pitch: -0.3}           # or a calibration, see geometry/camera_file.py
+    camera: {file: camera.yaml, pitch: -0.3}           # or a calibration, see formats/camera_file.py
 
 Limits that are left out are those of the bundled robot of the same kind, at the size and mass of this one: under the
 same thrust per weight a quadrotor L times as large turns L times as slowly (Froude scaling: angular accelerations go
@@ -24,7 +24,8 @@ import msgspec
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, read_camera, so3
+from nerfnav.formats import read_camera
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, so3
 from nerfnav.robots.body_file import BodyFile, Vector, body_of
 from nerfnav.robots.couch import Couch, CouchConfig
 from nerfnav.robots.diffdrive import DiffDrive, DiffDriveConfig

@@ -1,11 +1,14 @@
 """The socket of `nerfnav live`, over real connections; what navigates is a double, which answers when it is told."""
 
 import asyncio
+import logging
 import re
+import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from urllib.parse import urlsplit
 
 import cv2
 import msgspec
@@ -239,6 +242,22 @@ def test_a_message_that_is_too_large_ends_the_connection_and_the_next_vehicle_is
             socket.recv(PATIENCE_S)
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 1009
     until(lambda: can_connect(address), "the next one is let in")
+
+
+@pytest.mark.parametrize("sent", [
+    b"", b"nonsense\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(40), b"\xff" * 10_000,
+    b"GET / HTTP/1.1\r\nHost: [::1\r\n\r\n",
+])  # fmt: skip
+def test_a_probe_of_the_port_is_logged_nowhere(address: str, sent: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    where = urlsplit(address)
+    with socket.create_connection((where.hostname, where.port), PATIENCE_S) as probe:
+        probe.sendall(sent)
+        probe.shutdown(socket.SHUT_WR)
+        with suppress(ConnectionError):
+            while probe.recv(4096):
+                pass
+    until(lambda: can_connect(address), "a vehicle is let in")
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
 def test_a_server_that_ends_tells_the_vehicle(double: Double) -> None:

@@ -31,8 +31,8 @@ def room() -> Any:
 # Fields
 
 
-CALIBRATED = ("attitude_floor_rad", "information_ratio", "failed_share")
-"""Calibration of a field, which golden fields do not have."""
+CALIBRATED = ("attitude_floor_rad", "information_ratio", "failed_share", "input_keys")
+"""Calibration of a field, and keys of its capture, which golden fields do not have."""
 
 
 @pytest.mark.parametrize("name", FIELDS)

@@ -14,9 +14,10 @@ import trimesh
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import save_field
+from nerfnav.formats import PICTURES
 from nerfnav.geometry.box import Box
 from nerfnav.importers.core.errors import WrongKindError, wrong_kind_error
-from nerfnav.importers.core.kinds import PICTURES, UPLOADS, SourceKind, field_name
+from nerfnav.importers.core.kinds import UPLOADS, SourceKind, field_name
 from nerfnav.importers.detect import source_kind
 from nerfnav.importers.splats.formats import load_splats
 from nerfnav.importers.splats.gaussians import save_splats

@@ -126,6 +126,31 @@ def test_a_rectified_topic_has_the_projection_and_no_distortion(tmp_path: Path) 
     assert open_bag(written(tmp_path / "a.mcap", *messages)).camera == Camera(32, 24, 28, 28.5, 15, 11)
 
 
+def region(x: int, y: int, width: int, height: int) -> dict[str, Any]:
+    return {"x_offset": x, "y_offset": y, "width": width, "height": height, "do_rectify": False}
+
+
+@pytest.mark.parametrize("topic", ["image", "image_rect"])
+def test_a_region_moves_the_matrix_and_binning_divides_it(tmp_path: Path, topic: str) -> None:
+    info = camera_info(width=128, height=96, roi=region(40, 20, 64, 48), binning_x=2, binning_y=2, d=())
+    messages = (("/camera_info", INFO, 1.0, info), (f"/{topic}", IMAGE, 1.0, image(1.0, picture())))
+    camera = open_bag(written(tmp_path / "a.mcap", *messages)).camera
+    focal = (14, 14.25, -12.5, -4.5) if topic == "image_rect" else (15, 15.5, -12, -4)
+    assert camera == Camera(32, 24, *focal)
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"width": 2**32 - 1}, "width is 4294967295, a number at most 65536"), ({"height": 0}, "height is 0, a number"),
+    ({"roi": region(2**32 - 1, 0, 2**32 - 1, 24)}, "roi is 4294967295 x 24 pixels from 4294967295, 0"),
+    ({"binning_x": 2**32 - 1}, "binning by 4294967295 x 1 leaves no pixel"), ({"d": (np.nan,)}, r"d\[0\] is NaN"),
+])  # fmt: skip
+def test_numbers_that_do_not_fit_are_one_sentence(tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    messages = (("/camera_info", INFO, 1.0, camera_info(**change)), ("/image", IMAGE, 1.0, image(1.0, picture())))
+    with pytest.raises(InvalidInputError, match=f"holds no camera that is supported: .*{said}") as told:
+        open_bag(written(tmp_path / "a.mcap", *messages))
+    assert "\n" not in str(told.value)
+
+
 def test_a_fisheye_is_one_and_a_camera_at_twice_the_size_is_the_same(tmp_path: Path) -> None:
     info = camera_info(d=(0.1, 0.01, 0.0, 0.0), distortion_model="equidistant", width=64, height=48)
     messages = (("/camera_info", INFO, 1.0, info), ("/image", IMAGE, 1.0, image(1.0, picture())))

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Suppress, arg
 
 from nerfnav.estimator import estimators
-from nerfnav.geometry import read_camera
+from nerfnav.formats import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
 from nerfnav_app.cli.arguments import Route, find_planner, note_blindness, note_move, with_settings
 from nerfnav_app.cli.progress import run_and_print
@@ -28,7 +28,7 @@ class Arguments(Route):
     """Covariance of the fast filter: by Gauss-Newton, or by the exact second derivatives of the paper, which takes
     longer."""
     camera: Path | None = None
-    """Calibration of the robot's camera by ROS, OpenCV, nerfstudio or COLMAP (default: the robot's own)."""
+    """Calibration of the robot's camera by ROS, OpenCV, Kalibr, EuRoC, nerfstudio or COLMAP (default: its own)."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
     fly_on: bool = False

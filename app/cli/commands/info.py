@@ -119,6 +119,8 @@ def run(arguments: Arguments) -> None:
     }
     for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
         del summary[name]  # printed together, below
+    if field.info.input_keys is None:
+        del summary["input_keys"]  # no capture, or one of an earlier version
     accuracy = free_space_accuracy_of(field, path)
     summary["geometry"] = asdict(accuracy)
     if arguments.mesh is not None:

@@ -13,7 +13,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.geometry import read_camera
+from nerfnav.formats import read_camera
 from nerfnav.live import CameraCheck, Navigator
 from nerfnav.live.messages import Size, Welcome
 from nerfnav_app.cli.terminal import note
@@ -32,7 +32,7 @@ class Arguments:
     robot: Annotated[str, arg(metavar="NAME|FILE")] = "quadrotor"
     """Robot: a name, or a file that describes it."""
     camera: Path | None = None
-    """Calibration of its camera by ROS, OpenCV, nerfstudio or COLMAP (default: the robot's own)."""
+    """Calibration of its camera by ROS, OpenCV, Kalibr, EuRoC, nerfstudio or COLMAP (default: the robot's own)."""
     host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
     """Address to listen at; the default is for this machine alone."""
     port: int = 8090
@@ -55,7 +55,7 @@ def run(arguments: Arguments) -> None:
         calibration.prepare()
     place = open_place(arguments.field, arguments.robot)
     camera = place.robot.camera if arguments.camera is None else read_camera(arguments.camera)
-    navigator = Navigator(place.field, place.robot, camera)
+    navigator = Navigator(place.field, place.robot, camera, log=note)
     (x, y, z), (to_x, to_y, to_z) = place.field.box.lower.tolist(), place.field.box.upper.tolist()
     size, box = Size(camera.width, camera.height), ((x, y, z), (to_x, to_y, to_z))
     address = f"ws://{arguments.host}:{arguments.port}/?token={token}"

@@ -26,7 +26,8 @@ class Arguments(Output):
     intrinsics: Annotated[tuple[float, float, float, float] | None, arg(metavar="FX FY CX CY")] = None
     """Intrinsics [pixels], in place of --fov."""
     camera: Path | None = None
-    """Calibration of the camera by ROS, OpenCV, nerfstudio or COLMAP, in place of --fov and --intrinsics."""
+    """Calibration of the camera by ROS, OpenCV, Kalibr, EuRoC, nerfstudio or COLMAP, in place of --fov and
+    --intrinsics."""
 
 
 def run(arguments: Arguments) -> None:

@@ -32,8 +32,8 @@ class Arguments(Output):
     out: Path
     """Folder for trajectory.tum, poses.csv, overlay.mp4 and track.mcap."""
     camera: Path | None = None
-    """Calibration of the camera by ROS, OpenCV, nerfstudio or COLMAP (default: that of the source, else the field's own
-    camera, else 90 degrees)."""
+    """Calibration of the camera by ROS, OpenCV, Kalibr, EuRoC, nerfstudio or COLMAP (default: that of the source, else
+    the field's own camera, else 90 degrees)."""
     fov: float | None = None
     """Horizontal field of view of the camera [degrees], in place of --camera."""
     fps: float | None = None

@@ -46,12 +46,13 @@ def gather(request: TrainRequest) -> Gathering:
         )
         capture = yield from relay_import(import_capture(source, config), "reading photographs")
         if request.depth and not capture.report.images_with_depth:
-            raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
+            raise InvalidInputError(f"{source} has no depth maps (depth_file_path or depth_path) to learn with")
         return _material(capture, request.budget)
 
 
 def _material(capture: ImportedCapture, budget: float | None) -> TrainingData:
     report, cut_out = asdict(capture.report), capture.learned.silhouettes is not None
+    del report["input_keys"]  # stored with the field, and reported from there
     voxel = (capture.box.size.prod().item() / (_cut_out_nodes(budget) if cut_out else NODES)) ** (1 / 3)
     return TrainingData(
         capture.learned,
@@ -65,6 +66,7 @@ def _material(capture: ImportedCapture, budget: float | None) -> TrainingData:
         capture.bounded,
         capture.report.camera,
         capture.report.placed,
+        capture.report.input_keys,
     )
 
 

@@ -92,6 +92,7 @@ def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tup
 
 def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
     """Numbers of a trained field for `train --json`."""
+    keys = trained.info.input_keys
     return {
         "psnr_db": trained.info.psnr_db,
         "psnr_one_exposure_db": trained.info.psnr_one_exposure_db,
@@ -102,6 +103,7 @@ def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccur
         "learned_from": trained.info.learned_from,
         "proven_from": trained.info.proven_from,
         **accuracy_numbers(accuracy),
+        **({} if keys is None else {"input_keys": asdict(keys)}),
     }
 
 
@@ -116,6 +118,7 @@ def noted(field: VoxelField | NeuralField, request: TrainRequest, material: Trai
         guesses=material.guesses,
         camera=material.camera,
         placed=material.placed,
+        input_keys=material.input_keys,
         views=() if material.truth is not None else encode_views(material.learned.poses),
     )
     return replace(field, info=info)

@@ -14,6 +14,7 @@ from torch import Tensor
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.formats import KeyReport
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
 from nerfnav.importers.core.progress import ImportStep
@@ -55,6 +56,8 @@ class TrainingData:
     """Camera of the photographs, as `Camera.numbers`; empty where it is not worth noting."""
     placed: tuple[float, ...] = ()
     """Similarity from capture to field, as `Similarity.numbers`; empty where there is none."""
+    input_keys: KeyReport | None = None
+    """Keys of the capture's files by their treatment; None where there is no capture."""
 
     @property
     def guesses(self) -> tuple[str, ...]:

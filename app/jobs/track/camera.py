@@ -10,7 +10,8 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera, read_camera
+from nerfnav.formats import read_camera
+from nerfnav.geometry import Camera
 from nerfnav.importers import read_picture
 from nerfnav.importers.core.stored_picture import focal_35mm
 
@@ -36,7 +37,7 @@ class GivenCamera:
     """Given data of the camera that took a picture; of several, the first that is given counts."""
 
     calibration: Path | None = None
-    """Its calibration: see nerfnav/geometry/camera_file.py."""
+    """Its calibration: see nerfnav/formats/camera_file.py."""
     intrinsics: tuple[float, float, float, float] | None = None
     """fx, fy, cx, cy [pixels]."""
     fov_deg: float | None = None

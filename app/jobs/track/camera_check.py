@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera, format_camera
+from nerfnav.formats import format_camera
+from nerfnav.geometry import Camera
 from nerfnav.tracking import CameraCheckConfig, CameraFit, FrameSource
 from nerfnav_app.storage.output_files import prepare_file, write_text
 

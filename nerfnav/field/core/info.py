@@ -3,6 +3,8 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
+from nerfnav.formats import KeyReport
+
 
 @dataclass(frozen=True)
 class FieldInfo:
@@ -68,6 +70,8 @@ class FieldInfo:
     estimator/map_error.py), 6 x 6, row by row; empty where it was never measured."""
     guesses: tuple[str, ...] = ()
     """Sentences on what was guessed of up, lengths and box when it was made; guesses corrected since are left out."""
+    input_keys: KeyReport | None = None
+    """Keys of its capture's files: used, ignored (with the reason) and unknown; None where unknown."""
 
     @classmethod
     def of(cls, stored: dict[str, Any]) -> "FieldInfo":
@@ -75,5 +79,6 @@ class FieldInfo:
         names = {field.name for field in fields(cls)}
         known = {name: value for name, value in stored.items() if name in names}
         # files have lists
+        keys = known.pop("input_keys", None)
         listed = {name: tuple(known.get(name, ())) for name in ("guesses", "camera", "placed", "views", "pose_floor")}
-        return cls(**{**known, **listed})
+        return cls(**{**known, **listed}, input_keys=KeyReport.of(keys))

@@ -145,14 +145,17 @@ def _nothing(field: VoxelField, slack: float) -> UInt8[np.ndarray, "2 3"]:
 def _reach(
     field: VoxelField, photographs: PosedImages, index: int, config: CarvingConfig
 ) -> Float[np.ndarray, "levels h w"]:
-    """Reach of light along the rays of one picture [m], the least of all within each window."""
+    """Reach of light along the rays of one picture [m], the least of all within each window; 0 for what is masked."""
     camera = photographs.camera
     origins, directions = camera.rays(photographs.poses[index])
     distances = reaches(
         *field.kernel_grid, *(np.ascontiguousarray(rays.numpy(), np.float32) for rays in (origins, directions)),
         np.float32(DENSITY_SCALE), np.float32(field.step), np.float32(config.least_light),
     )  # fmt: skip
-    return nearest_within(distances.reshape(camera.height, camera.width))
+    distances = distances.reshape(camera.height, camera.width)
+    if photographs.mask is not None:
+        distances[~photographs.mask[index].numpy()] = 0
+    return nearest_within(distances)
 
 
 def _extremes(

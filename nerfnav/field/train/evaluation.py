@@ -16,7 +16,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.field.core.info import FieldInfo
@@ -27,7 +27,7 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.proof.carving import carve_free_space
 from nerfnav.field.proof.fusion import FusedDepth
 from nerfnav.field.render.volume_rendering import render_image
-from nerfnav.field.train.exposure import estimate_common_gains
+from nerfnav.field.train.exposure import estimate_common_gains, leave_out
 from nerfnav.geometry import PosedImages, psnr_db
 
 _DEVIATION_PER_MEDIAN = 1.4826
@@ -46,26 +46,29 @@ def calibrate_noise(info: FieldInfo, field: Field, held_out: PosedImages, exposu
         return info
     seen = [render_image(field, held_out.camera, held_out.poses[index]) for index in range(len(held_out))]
     colors, opacity = torch.stack([view.color for view in seen]), torch.stack([view.opacity for view in seen])
-    taken = held_out.images.float() / 255
-    raw = _psnr_db(colors - taken)
+    mask = held_out.mask
+    colors, taken = (leave_out(part, mask) for part in (colors, held_out.images.float() / 255))
+    raw = _psnr_db(colors - taken, mask)
     gain = estimate_common_gains(taken, colors) if exposure else torch.ones(len(held_out))
     error = gain[:, None, None, None] * colors - taken
-    shown = opacity > _SOMETHING
-    residual = error[shown] if shown.any() else error.reshape(-1, 3)
+    counted = error if mask is None else error[mask]
+    shown = opacity > _SOMETHING if mask is None else (opacity > _SOMETHING) & mask
+    residual = error[shown] if shown.any() else counted.reshape(-1, 3)
     core = _DEVIATION_PER_MEDIAN * residual.abs().median()
     return replace(
         info,
         psnr_db=raw,
-        psnr_one_exposure_db=_psnr_db(error) if exposure else None,
-        noise_std=float(error.square().mean().sqrt()),
+        psnr_one_exposure_db=_psnr_db(error, mask) if exposure else None,
+        noise_std=float(counted.square().mean().sqrt()),
         noise_core_std=float(core),
         outlier_share=float((residual.abs() > _OUTLIER_DEVIATIONS * core).any(-1).float().mean()),
     )
 
 
-def _psnr_db(error: Float[Tensor, "n height width 3"]) -> float:
-    """PSNR as the literature has it: the mean over the images [dB]."""
-    each = [psnr_db(image.square().mean().item()) for image in error]
+def _psnr_db(error: Float[Tensor, "n height width 3"], mask: Bool[Tensor, "n height width"] | None) -> float:
+    """PSNR as the literature has it: the mean over the images [dB], of the pixels in `mask`."""
+    images = error if mask is None else [image[part] for image, part in zip(error, mask, strict=True) if part.any()]
+    each = [psnr_db(image.square().mean().item()) for image in images]
     return sum(each) / len(each)
 
 

@@ -14,7 +14,7 @@ of each, its white balance, by shares of their own. Pictures that were rendered 
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.core.jit import default_threads, threads
@@ -54,6 +54,16 @@ def estimate_gains(taken: Float[Tensor, "n q p 3"], shown: Float[Tensor, "n q p 
 def estimate_common_gains(taken: Float[Tensor, "n h w 3"], shown: Float[Tensor, "n h w 3"]) -> Float[Tensor, " n"]:
     """The gain of each whole picture against what a field shows, the same for all channels."""
     return estimate_gains(_quarters(taken), _quarters(shown)).log().mean(-1).exp()
+
+
+_NEARLY_BLACK = 1e-3
+
+
+def leave_out(
+    colors: Float[Tensor, "*pixels 3"], counted: Bool[Tensor, "*pixels"] | None
+) -> Float[Tensor, "*pixels 3"]:
+    """Make pixels that do not count nearly black: they weigh next to nothing, and are equal in all pictures."""
+    return colors if counted is None else torch.where(counted[..., None], colors, _NEARLY_BLACK)
 
 
 def correct_exposure(photographs: PosedImages, gains: Gains) -> PosedImages:
@@ -99,6 +109,7 @@ class ExposureCorrection:
         self._next = fraction + _EVERY
         with threads(default_threads()):
             batch = self._sampler.draw_quarters(_RAYS)
-            colors = (torch.from_numpy(batch.targets), learner.colors(batch))
+            counted = None if batch.counted is None else torch.from_numpy(batch.counted)
+            colors = [leave_out(part, counted) for part in (torch.from_numpy(batch.targets), learner.colors(batch))]
         taken, shown = (part.reshape(-1, QUARTERS, _RAYS, 3) for part in colors)
         self._sampler.correct(estimate_gains(taken, shown))

@@ -26,6 +26,8 @@ class RayBatch:
     """Colours of the photographs (n, 3), in [0, 1]."""
     jitter: np.ndarray
     """Offset of the samples of each ray, in steps (n), -0.5 to 0.5."""
+    counted: np.ndarray | None = None
+    """True for rays of pixels that count (n); None: all."""
 
 
 class RaySampler:
@@ -37,7 +39,7 @@ class RaySampler:
         generator: torch.Generator,
         mask: Bool[Tensor, "n height width"] | None = None,
     ) -> None:
-        """Draw from the pixels of `photographs` in `mask`, or from all, in the order of `generator`."""
+        """Draw from the pixels of `photographs` that count and are in `mask`, in the order of `generator`."""
         camera = photographs.camera
         self._size = (camera.width, camera.height)
         self._focal = np.array([camera.fx, camera.fy], np.float32)
@@ -46,7 +48,10 @@ class RaySampler:
         self._rotations = np.ascontiguousarray(photographs.poses.rotation.numpy(), np.float32)
         self._positions = np.ascontiguousarray(photographs.poses.position.numpy(), np.float32)
         self._generator = generator
-        self._masked = None if mask is None else mask.reshape(-1).nonzero()[:, 0]
+        counted = photographs.mask
+        drawn = counted if mask is None else mask if counted is None else mask & counted
+        self._counted = None if counted is None else counted.reshape(-1)
+        self._masked = None if drawn is None else drawn.reshape(-1).nonzero()[:, 0]
         self._gains = np.ones((len(photographs), 3), np.float32)
 
     @property
@@ -77,7 +82,8 @@ class RaySampler:
         left = (pixel % width - before[0]).clamp(0, width - patch)
         top = (pixel // width - before[1]).clamp(0, height - patch)
         first, beside = image * width * height + top * width + left, torch.arange(patch)
-        return self._batch((first[:, None, None] + beside[:, None] * width + beside).reshape(-1).numpy())
+        chosen = (first[:, None, None] + beside[:, None] * width + beside).reshape(-1)
+        return self._batch((chosen if self._counted is None else chosen[self._counted[chosen]]).numpy())
 
     def draw_quarters(self, count: int) -> RayBatch:
         """`count` random rays of each quarter of each photograph, photograph by photograph, as they were taken."""
@@ -88,8 +94,10 @@ class RaySampler:
         quarter = torch.arange(4)[:, None]
         u, v = u + (quarter % 2) * (width - across), v + (quarter // 2) * (height - down)
         image = torch.arange(shape[0])[:, None, None]
-        batch = self._batch((image * width * height + v * width + u).reshape(-1).numpy())
-        return replace(batch, targets=batch.targets * np.repeat(self._gains, 4 * count, axis=0))
+        chosen = (image * width * height + v * width + u).reshape(-1)
+        batch = self._batch(chosen.numpy())
+        counted = None if self._counted is None else self._counted[chosen].numpy()
+        return replace(batch, targets=batch.targets * np.repeat(self._gains, 4 * count, axis=0), counted=counted)
 
     def _batch(self, chosen: np.ndarray) -> RayBatch:
         jitter = torch.rand(len(chosen), generator=self._generator).numpy() - np.float32(0.5)

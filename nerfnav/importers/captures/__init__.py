@@ -1,1 +1,1 @@
-"""Captures: photographs with camera poses from nerfstudio, instant-ngp, Blender, COLMAP and phone apps."""
+"""Captures: photographs with camera poses from nerfstudio, instant-ngp, Blender, COLMAP, TUM RGB-D and phone apps."""

@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
+from nerfnav.formats import PICTURES, is_system_file, with_slashes
 from nerfnav.importers.captures.formats import is_capture
 from nerfnav.importers.captures.views import CaptureError
 
@@ -19,7 +20,7 @@ _FREE_BYTES = 64 << 20
 """Content that every archive may hold, however small it is."""
 _NAMED = ("metadata",)
 """Extensionless files of captures: Record3D's."""
-_WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".npy")
+_WANTED = (".json", ".txt", ".bin", ".npy", *PICTURES)
 """Endings of files that captures consist of; others stay in the archive."""
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, UnicodeDecodeError, ValueError,
@@ -53,7 +54,7 @@ def list_names(archive: Path) -> list[str]:
     """Names of the files in an archive. Raises CaptureError where it is broken."""
     try:
         with zipfile.ZipFile(archive) as content:
-            return [entry.filename for entry in content.infolist() if not entry.is_dir()]
+            return [entry.filename for entry in _files_in(content)]
     except _BROKEN as error:
         raise CaptureError(f"{archive} is no readable .zip: {_REASON}") from error
 
@@ -73,11 +74,19 @@ def extract(archive: Path, into: Path, endings: tuple[str, ...] = _WANTED) -> No
         raise CaptureError(f"{archive} cannot be unpacked: {error.strerror}") from error
 
 
-def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -> list[zipfile.ZipInfo]:
-    entries = [entry for entry in content.infolist() if not entry.is_dir()]
+def _files_in(content: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    """Files of an archive, with slashes in their names, and without those that belong to a file system."""
+    entries = content.infolist()
     for entry in entries:
-        path = PurePosixPath(entry.filename.replace("\\", "/"))
-        if path.is_absolute() or ".." in path.parts or ":" in path.parts[0]:
+        entry.filename = with_slashes(entry.filename)
+    return [entry for entry in entries if not entry.is_dir() and not is_system_file(entry.filename)]
+
+
+def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -> list[zipfile.ZipInfo]:
+    entries = _files_in(content)
+    for entry in entries:
+        path = PurePosixPath(entry.filename)
+        if path.is_absolute() or ".." in path.parts or ":" in "".join(path.parts[:1]):
             raise CaptureError(f"{archive} names a file outside of its own folder: {entry.filename}")
     wanted = [
         entry

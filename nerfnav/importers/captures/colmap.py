@@ -1,11 +1,9 @@
-"""COLMAP's sparse models, text and binary: cameras, images and points, as its format description lays them out.
+"""Captures by COLMAP: find a model and its pictures in a folder, and read their views and tracks.
 
-COLMAP gives T_camera_world with OpenCV axes (x right, y down, looking along z) and pixel centres at half numbers.
-
-Points are where rays of matched features met, with the tracks of images that show them.
+Of several models, which COLMAP makes where it cannot join the pictures, the one with the most images counts.
 """
 
-from collections.abc import Iterator
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,32 +11,105 @@ import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import ColmapBytes, ColmapCamera, colmap_cameras, colmap_lines, colmap_rows, so3
-from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, Tracks, View, Views
+from nerfnav.formats import LARGEST, PICTURE_FOLDERS, ColmapCamera, ColmapImage, ColmapModel, NamedFiles
+from nerfnav.geometry import so3
+from nerfnav.importers.captures.views import CaptureError, Lens, Tracks, View, Views
 
+MODEL_FOLDERS = ("sparse", "colmap/sparse", "distorted/sparse", ".")
+"""Folders of a capture in which models lie, or in whose numbered folders they do."""
+_PICTURES = (*PICTURE_FOLDERS[1:], PICTURE_FOLDERS[0])
+"""Folders of pictures beside a model or around it; the one that has the most of its pictures counts."""
 _SHORTEST = 3
 """Images in which a point must have been seen: two agree by chance."""
 _WRONG = 2.0
 """Mean distance of a point from its features above which it is none [pixels]."""
+_MOVED = 1e-3
+"""Largest difference between camera positions and those of the model, in extents of the positions."""
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
-class _Point:
-    position: tuple[float, ...]
-    error: float  # of reprojection [pixels]
-    images: tuple[int, ...]  # numbers of those that show it
+class FoundModels:
+    """The models of one capture."""
+
+    folder: Path
+    """Of the capture."""
+    models: tuple[ColmapModel, ...]
+    """At least one, which may lack files."""
 
 
-def read_points(model: Path, names: dict[int, str]) -> Tracks | None:
+def find_colmap(folder: Path) -> FoundModels | None:
+    """Find the models of a capture; None where it has none.
+
+    The folders of MODEL_FOLDERS come in their order. Models that lack their images count only where all do.
+    """
+    begun: list[ColmapModel] = []
+    for name in MODEL_FOLDERS:
+        parent = folder / name
+        numbered = sorted(path for path in parent.glob("[0-9]*") if path.name.isdecimal() and path.is_dir())
+        models = [ColmapModel(path) for path in (parent, *numbered)]
+        whole = tuple(model for model in models if model.missing() is None)
+        if whole:
+            return FoundModels(folder, whole)
+        begun += [model for model in models if model.is_begun() and name != "."]
+    return FoundModels(folder, tuple(begun)) if begun else None
+
+
+def read_colmap(found: FoundModels) -> Views:
+    """Read the model with the most images that `find_colmap` has found. Raises CaptureError where it is unusable."""
+    try:
+        read = [(model, model.images()) for model in found.models]
+        model, images = max(read, key=lambda pair: len(pair[1]))
+        if not images:
+            raise CaptureError(f"the COLMAP model in {model.folder} has no images")
+        cameras = model.cameras()
+        unknown = next((image for image in images if image.camera not in cameras), None)
+        if unknown is not None:
+            raise CaptureError(
+                f"{unknown.name} was taken by camera {unknown.camera}, which {model.folder} does not describe"
+            )
+        lenses = {number: _lens(cameras[number]) for number in {image.camera for image in images}}
+        tracks = read_points(model, {image.number: image.name for image in images})
+    except InvalidInputError as error:
+        raise CaptureError(str(error)) from error
+    poses = [_pose(image) for image in images]
+    pictures = _find_pictures(found.folder, model.folder, [image.name for image in images])
+    views = [
+        View(each.name, pictures[each.name], lenses[each.camera], pose)
+        for each, pose in zip(images, poses, strict=True)
+    ]
+    counts = {str(each.folder.relative_to(found.folder)): len(named) for each, named in read}
+    chosen = counts.pop(str(model.folder.relative_to(found.folder)))
+    others = ", ".join(f"{name} has {count}" for name, count in counts.items())
+    name = model.folder.relative_to(found.folder)
+    guesses = (f"model: {name}, which has {chosen} pictures ({others})",) if others else ()
+    return Views("COLMAP", tuple(sorted(views, key=lambda view: view.name)), tracks, guesses=guesses)
+
+
+def _find_pictures(folder: Path, model: Path, names: list[str]) -> dict[str, Path]:
+    """Find the files of a model's pictures by their names, in the folder that has the most of them.
+
+    Folders around the model count where the capture itself has none. Raises CaptureError where there are none at all.
+    """
+    for roots in ((folder, model), model.parents[:2]):
+        places = [root / name for root in dict.fromkeys(roots) for name in _PICTURES if (root / name).is_dir()]
+        named = [{name: files.find(name) for name in names} for files in map(NamedFiles, places)]
+        counts = [sum(map(os.path.isfile, paths.values())) for paths in named]
+        if any(counts):
+            return named[int(np.argmax(counts))]
+    raise CaptureError(
+        f"the capture names {len(names)} photographs, but none of them is there: {names[0]} is the first, looked for "
+        f"in {folder}, in {', '.join(f'{name}/' for name in _PICTURES if name)} there, and beside the model"
+    )
+
+
+def read_points(model: ColmapModel, names: dict[int, str]) -> Tracks | None:
     """The points of a model that are to be trusted, in its images `names` by number; None where it keeps none.
 
-    Raises CaptureError for a file that is cut off or no list of points, InvalidInputError for one that is not text.
+    Raises InvalidInputError for a file that is cut off or no list of points.
     """
-    binary, text = model / "points3D.bin", model / "points3D.txt"
-    if not binary.is_file() and not text.is_file():
-        return None
     points, images, numbers = [], [], []
-    for point in _binary_points(binary) if binary.is_file() else _text_points(text):
+    for point in model.points():
         seen_from = {names[image] for image in point.images if image in names}
         if len(seen_from) < _SHORTEST or not point.error <= _WRONG or not (np.abs(point.position) < LARGEST).all():
             continue
@@ -48,78 +119,17 @@ def read_points(model: Path, names: dict[int, str]) -> Tracks | None:
     return Tracks(np.array(points).reshape(-1, 3), tuple(images), np.array(numbers, int)) if points else None
 
 
-def _text_points(path: Path) -> Iterator[_Point]:
-    for line in colmap_rows(path):
-        words = line.split()
-        try:
-            _, *position = map(float, words[:4])
-            yield _Point(tuple(position), float(words[7]), tuple(map(int, words[8::2])))
-        except (ValueError, IndexError) as error:
-            raise CaptureError(f"{path} has a line that describes no point: {line[:60]!r}") from error
-
-
-def _binary_points(path: Path) -> Iterator[_Point]:
-    data = ColmapBytes(path)
-    for _ in range(data.integer("Q")):
-        data.skip(8)  # the point's own number
-        position = data.numbers("3d")
-        data.skip(3)  # its colour
-        yield _Point(position, data.numbers("d")[0], tuple(map(int, data.numbers(f"{2 * data.integer('Q')}i")[::2])))
-
-
-MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
-"""Folders in which a capture may keep its model."""
-_MOVED = 1e-3
-"""Largest difference between camera positions and those of the model, in extents of the positions."""
-_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
-
-
-@dataclass(frozen=True)
-class _Image:
-    number: int
-    name: str
-    camera: int
-    quaternion: tuple[float, ...]  # camera_world, wxyz
-    translation: tuple[float, ...]
-
-
-def find_colmap(folder: Path) -> tuple[Path, Path] | None:
-    """The folder of a capture and that of its model; None where it has none."""
-    return next(((folder, folder / name) for name in MODEL_FOLDERS if _has_model(folder / name)), None)
-
-
-def read_colmap(folders: tuple[Path, Path]) -> Views:
-    """Read the COLMAP model that `find_colmap` has found. Raises CaptureError where it cannot be used."""
-    folder, model = folders
-    try:
-        cameras = colmap_cameras(model / ("cameras.bin" if _is_binary(model) else "cameras.txt"))
-        lenses = {camera.number: _lens(camera) for camera in cameras}
-        images = _images(model)
-        tracks = read_points(model, {image.number: image.name for image in images})
-    except InvalidInputError as error:
-        raise CaptureError(str(error)) from error
-    pictures = folder / "images" if (folder / "images").is_dir() else folder
-    views = []
-    for image in images:
-        if image.camera not in lenses:
-            raise CaptureError(f"{image.name} was taken by camera {image.camera}, which {model} does not describe")
-        views.append(View(image.name, pictures / image.name, lenses[image.camera], _pose(image)))
-    if not views:
-        raise CaptureError(f"the COLMAP model in {model} has no images")
-    return Views("COLMAP", tuple(sorted(views, key=lambda view: view.name)), tracks)
-
-
 def read_tracks_beside(folder: Path, views: tuple[View, ...]) -> Tracks | None:
     """The points of the COLMAP model from which other files of a capture were made, as nerfstudio leaves it there.
 
     None where there is no model, or the cameras of `views` were moved since. Raises CaptureError for a broken one.
     """
-    model = folder / MODEL_FOLDERS[-1]
-    if not _has_model(model):
+    model = ColmapModel(folder / "colmap" / "sparse" / "0")
+    if model.missing() is not None:
         return None
     called = {Path(view.name).name: view for view in views}
     try:
-        images = {image.number: image for image in _images(model) if Path(image.name).name in called}
+        images = {image.number: image for image in model.images() if Path(image.name).name in called}
         taken = {number: called[Path(image.name).name] for number, image in images.items()}
         if not taken or not _alike([_pose(image) for image in images.values()], list(taken.values())):
             return None
@@ -134,19 +144,7 @@ def _alike(poses: list[np.ndarray], views: list[View]) -> bool:
     return bool(np.abs(there - here).max() <= _MOVED * np.ptp(there, axis=0).max())
 
 
-def _is_binary(model: Path) -> bool:
-    return (model / "cameras.bin").is_file() and (model / "images.bin").is_file()
-
-
-def _images(model: Path) -> list[_Image]:
-    return list(_binary_images(model / "images.bin") if _is_binary(model) else _text_images(model / "images.txt"))
-
-
-def _has_model(folder: Path) -> bool:
-    return any(all((folder / f"{name}.{kind}").is_file() for name in ("cameras", "images")) for kind in ("bin", "txt"))
-
-
-def _pose(image: _Image) -> np.ndarray:
+def _pose(image: ColmapImage) -> np.ndarray:
     large = not (np.abs([*image.quaternion, *image.translation]) < LARGEST).all()
     if large or np.linalg.norm(image.quaternion) < 1e-6:
         raise CaptureError(f"the pose of {image.name} is no pose: its quaternion is zero or has NaN")
@@ -157,27 +155,5 @@ def _pose(image: _Image) -> np.ndarray:
 
 
 def _lens(camera: ColmapCamera) -> Lens:
+    camera.require_known()
     return Lens.measured(camera.size, camera.focal, camera.center, *camera.distortion, fisheye=camera.fisheye)
-
-
-def _text_images(path: Path) -> Iterator[_Image]:
-    """Images have two lines each, the second of which may be empty."""
-    lines = iter(colmap_lines(path))
-    for line in lines:
-        if not line.strip() or line.startswith("#"):
-            continue
-        try:
-            number, *words, camera, name = line.strip().split(maxsplit=9)
-            qw, qx, qy, qz, tx, ty, tz = map(float, words)
-            yield _Image(int(number), name, int(camera), (qw, qx, qy, qz), (tx, ty, tz))
-        except ValueError as error:
-            raise CaptureError(f"{path} has a line that describes no image: {line[:60]!r}") from error
-        next(lines, None)
-
-
-def _binary_images(path: Path) -> Iterator[_Image]:
-    data = ColmapBytes(path)
-    for _ in range(data.integer("Q")):
-        number, pose, camera, name = data.integer("i"), data.numbers("7d"), data.integer("i"), data.text()
-        data.skip(24 * data.integer("Q"))  # the points that were seen
-        yield _Image(number, name, camera, pose[:4], pose[4:])

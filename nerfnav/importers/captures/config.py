@@ -6,6 +6,7 @@ from pathlib import Path
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.formats import KeyReport
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers.core.placement import Placement
 
@@ -31,7 +32,7 @@ class CaptureReport:
     """Report of an import: counts, sizes, placement and guesses."""
 
     kind: str
-    """Kind of capture: "transforms.json", "Blender", "COLMAP"."""
+    """Kind of capture: "transforms.json", "Blender", "COLMAP", "TUM RGB-D"."""
     images_named: int
     """Photographs that the files name."""
     images_used: int
@@ -46,6 +47,8 @@ class CaptureReport:
     """Downscaling factor."""
     images_with_depth: int
     """Photographs with a depth map."""
+    images_with_mask: int
+    """Photographs with a mask of the pixels that count."""
     points: int
     """Points that structure from motion found in three photographs or more, which the capture brings."""
     scale: float
@@ -59,7 +62,9 @@ class CaptureReport:
     placed: tuple[float, ...]
     """Similarity from the capture's coordinates to the field's: `Similarity.numbers`."""
     guesses: tuple[str, ...]
-    """Placement that was neither given nor certain: one sentence each."""
+    """Choices between files, and placement that was neither given nor certain: one sentence each."""
+    input_keys: KeyReport
+    """Keys of the capture's files: used, ignored (with the reason) and unknown."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,10 +44,16 @@ def stored_map(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarr
         if path.suffix.lower() == ".exr":
             return _exr(path)
         if path.suffix.lower() == ".npy":
-            return np.load(path, allow_pickle=False)
+            return _one_channel(np.load(path, allow_pickle=False))
         return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     except (OSError, ValueError, EOFError, cv2.error):
         return None
+
+
+def _one_channel(stored: np.ndarray) -> np.ndarray:
+    """The map (h, w) in an array of (h, w, 1) or (1, h, w); others as they are."""
+    axes = [axis for axis in (0, -1) if stored.ndim == 3 and stored.shape[axis] == 1]
+    return stored.squeeze(axes[0]) if axes else stored
 
 
 def _unpacked(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarray | None:

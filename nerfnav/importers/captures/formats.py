@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from nerfnav.importers.captures import colmap, nerfstudio_run, phones, transforms
+from nerfnav.importers.captures import colmap, nerfstudio_run, phones, transforms, tum
 from nerfnav.importers.captures.views import CaptureError, Views
 
 
@@ -20,9 +20,10 @@ class CaptureFormat:
 
 
 FORMATS = (
-    CaptureFormat(transforms.find_transforms, transforms.read_transforms),
+    CaptureFormat(transforms.find_transforms, transforms.read_capture),
     CaptureFormat(transforms.find_blender, transforms.read_blender),
     CaptureFormat(colmap.find_colmap, colmap.read_colmap),
+    CaptureFormat(tum.find_tum, tum.read_tum),
     CaptureFormat(phones.find_polycam, phones.read_polycam),
     CaptureFormat(phones.find_record3d, phones.read_record3d),
     CaptureFormat(phones.find_scanner, phones.read_scanner),
@@ -46,12 +47,13 @@ def read_views(path: Path) -> Views:
         run = nerfstudio_run.read_run(path)
         return nerfstudio_run.transform_to_run(read_views(run.data), run)
     if path.is_file():
-        return transforms.read_transforms(path)
+        return transforms.read_capture(path)
     for form in FORMATS:
         if found := form.find(path):
             return form.read(found)
     raise CaptureError(
         f"{path} is no capture: there is no transforms.json (nerfstudio, instant-ngp), no transforms_train.json "
-        f"(Blender), no cameras and images, .bin or .txt, in {' or '.join(colmap.MODEL_FOLDERS)} (COLMAP), no "
-        "keyframes (Polycam), no metadata with rgb or rgbd (Record3D) and no frame_00000.json (3D Scanner App)"
+        f"(Blender), no cameras and images, .bin or .txt, in {'/0 or '.join(colmap.MODEL_FOLDERS[:-1])}/0 (COLMAP), "
+        "no rgb.txt with groundtruth.txt (TUM RGB-D), no keyframes (Polycam), no metadata with rgb or rgbd (Record3D) "
+        "and no frame_00000.json (3D Scanner App)"
     )

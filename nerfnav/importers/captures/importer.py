@@ -18,6 +18,7 @@ from nerfnav.geometry import Box, Pose, PosedImages, Sightings
 from nerfnav.importers.captures import depths, pictures
 from nerfnav.importers.captures.config import CaptureReport, ImportConfig, ImportedCapture
 from nerfnav.importers.captures.formats import read_views
+from nerfnav.importers.captures.masks import add_masks, read_mask, shrink_mask
 from nerfnav.importers.captures.pictures import Picture
 from nerfnav.importers.captures.placement import CameraWorld, guess_box, place_cameras
 from nerfnav.importers.captures.views import CaptureError, Tracks, View, Views
@@ -60,7 +61,7 @@ def require_enough(found: Views, views: list[View]) -> None:
 
 
 def require_inside(found: Views, folder: Path) -> None:
-    files = (path for view in found.views for path in (view.path, *(() if view.depth is None else view.depth.files)))
+    files = (path for view in found.views for path in view.files)
     outside = next((path for path in files if not path.resolve().is_relative_to(folder.resolve())), None)
     if outside is not None:
         name = Path(os.path.relpath(outside, folder)).as_posix()
@@ -82,20 +83,25 @@ def resample_pictures(shots: list[Picture], poses: np.ndarray) -> PosedImages:
     camera = pictures.common_camera(shots)
     cut_out = all(shot.pixels.shape[2] == 4 and (shot.pixels[..., 3] < 128).any() for shot in shots)
     images = np.empty((len(shots), camera.height, camera.width, 3), np.uint8)
-    opaque = np.ones((len(shots), camera.height, camera.width), np.bool_) if cut_out else None
+    shape = images.shape[:3]
+    opaque = np.ones(shape, np.bool_) if cut_out else None
+    mask = np.ones(shape, np.bool_) if any(shot.mask is not None for shot in shots) else None
     for index in range(len(images)):
         pixels = pictures.resample_picture(shots[index], camera)
         images[index] = pictures.over_white(pixels)
+        counted = pictures.resample_mask(shots[index], camera)
+        if mask is not None and counted is not None:
+            mask[index] = counted
         if opaque is not None:
             # what is cut out may be thin: a pixel's neighbours count too
             opaque[index] = cv2.dilate(pixels[..., 3], np.ones((3, 3), np.uint8)) > 8
+            opaque[index] |= False if counted is None else ~counted  # nothing is known there
         shots[index] = replace(shots[index], pixels=images[index])
     shots.clear()
     world = torch.from_numpy(poses.astype(np.float32))
     pose = Pose(world[:, :3, :3].contiguous(), world[:, :3, 3].contiguous())
-    return PosedImages(
-        torch.from_numpy(images), camera, pose, silhouettes=None if opaque is None else torch.from_numpy(opaque)
-    )
+    silhouettes, counted = (None if part is None else torch.from_numpy(part) for part in (opaque, mask))
+    return PosedImages(torch.from_numpy(images), camera, pose, silhouettes=silhouettes, mask=counted)
 
 
 def split_held_out(photographs: PosedImages, test: list[bool], every: int) -> tuple[PosedImages, PosedImages]:
@@ -120,14 +126,17 @@ def assemble_capture(found: Views, read: Photographs, config: ImportConfig, down
     photographs = resample_pictures(read.pictures, world.poses)
     if known is not None:
         photographs = replace(photographs, depth=known, depth_noise=depths.NOISE)
+    if photographs.mask is not None and not photographs.mask.any():
+        raise CaptureError("the masks leave out every pixel of all photographs: are they inverted?")
     if found.tracks is not None:
-        photographs = replace(photographs, sightings=_sightings(found.tracks, read.views, world))
+        sightings = _unmasked(_sightings(found.tracks, read.views, world), photographs)
+        photographs = replace(photographs, sightings=sightings)
     box, guesses = _box(photographs, world, config.placement)
     if config.downscale is None and downscale > 1:
         guesses += (f"downscale: photographs are made {downscale} times smaller, to {LONGEST} pixels at most",)
     learned, held_out = split_held_out(photographs, [view.test for view in read.views], config.held_out_every)
     cut_out = photographs.silhouettes is not None
-    background = torch.ones(3) if cut_out else learned.images.float().mean((0, 1, 2)) / 255
+    background = torch.ones(3) if cut_out else _mean_color(learned)
     report = CaptureReport(
         kind=found.kind,
         images_named=len(found.views),
@@ -137,13 +146,15 @@ def assemble_capture(found: Views, read: Photographs, config: ImportConfig, down
         image_size=(photographs.camera.width, photographs.camera.height),
         downscale=downscale,
         images_with_depth=sum(depth is not None for depth in read.depths),
+        images_with_mask=sum(view.mask is not None for view in read.views),
         points=0 if found.tracks is None else len(found.tracks.points),
         scale=world.scale,
         up=_rounded(world.up),
         box=(_rounded(box.lower.numpy()), _rounded(box.upper.numpy())),
         camera=camera,
         placed=world.placed.numbers,
-        guesses=world.guesses + guesses,
+        guesses=found.guesses + world.guesses + guesses,
+        input_keys=found.keys,
     )
     return ImportedCapture(learned, held_out, box, background, cut_out, report)
 
@@ -179,6 +190,27 @@ def _sightings(tracks: Tracks, views: list[View], world: CameraWorld) -> Sightin
     return Sightings(points, image[image >= 0], torch.from_numpy(tracks.numbers)[image >= 0])
 
 
+def _unmasked(sightings: Sightings, photographs: PosedImages) -> Sightings:
+    """The sightings at pixels that count: a mask covers what moves."""
+    if photographs.mask is None:
+        return sightings
+    kept = torch.ones(len(sightings), dtype=torch.bool)
+    for index, mask in enumerate(photographs.mask):
+        of_image = (sightings.image == index).nonzero()[:, 0]
+        points = sightings.points[sightings.point[of_image]]
+        uv, inside = photographs.camera.project(photographs.poses[index], points)
+        u, v = uv[inside].long().unbind(-1)
+        kept[of_image[inside]] = mask[v, u]
+    return replace(sightings, image=sightings.image[kept], point=sightings.point[kept])
+
+
+def _mean_color(photographs: PosedImages) -> Float[torch.Tensor, "3"]:
+    """Mean colour of the pixels that count, in [0, 1]."""
+    images = photographs.images
+    counted = images if photographs.mask is None else images[photographs.mask]
+    return counted.float().mean(tuple(range(counted.ndim - 1))) / 255
+
+
 def _box(photographs: PosedImages, world: CameraWorld, placement: Placement) -> tuple[Box, tuple[str, ...]]:
     """The box of the field, and what was guessed of it."""
     if placement.box is not None:
@@ -201,7 +233,7 @@ def import_capture(source: Path, config: ImportConfig) -> Generator[ImportStep, 
     Raises CaptureError, in one sentence, for captures that no field can be trained from.
     """
     doing = "reading photographs"
-    found = read_views(source)
+    found = add_masks(read_views(source))
     require_enough(found, [view for view in found.views if view.exists])
     if config.within is not None:
         require_inside(found, config.within)
@@ -211,11 +243,14 @@ def import_capture(source: Path, config: ImportConfig) -> Generator[ImportStep, 
         pixels = pictures.read_pixels(view.path, view.lens) if view.exists else None
         if pixels is not None:
             downscale = downscale or max(1, -(-max(pixels.shape[:2]) // LONGEST))
+            mask = read_mask(view, pixels.shape[1], pixels.shape[0])
             try:
-                picture = pictures.shrink_picture(pixels, view.lens, downscale)
+                picture = pictures.shrink_picture(pixels, view.lens, downscale, mask)
             except CaptureError as error:
                 raise CaptureError(f"{view.name}: {error}") from error
             depth = depths.read_depth(view.depth) if config.depth and view.depth is not None else None
+            if depth is not None and picture.mask is not None:
+                depth[~shrink_mask(picture.mask, depth.shape[1], depth.shape[0])] = 0
             read.views.append(view)
             read.pictures.append(picture)
             read.depths.append(depth)

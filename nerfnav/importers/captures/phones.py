@@ -24,28 +24,28 @@ frames have depth alone and no photograph: those are skipped.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, ClassVar
 
 import numpy as np
 import torch
+from msgspec import Meta, Struct
 from PIL import Image
 
+from nerfnav.formats import KeyReport, NamedFiles, Number, Pixels, Positive, list_folder
 from nerfnav.geometry import so3
-from nerfnav.importers.captures.transforms import image_path
 from nerfnav.importers.captures.views import (
-    LARGEST,
     CaptureError,
     DepthFile,
     Lens,
     View,
     Views,
-    array_of,
-    read_json,
+    read_description,
     rigid_pose,
 )
 
 _RANGE = 5.0
 """Range of the LiDAR [m]."""
+_NO_TIME = "captures are learned without times"
 
 
 def _lidar_depth(path: Path, confidence: Path | None, unit: float = 0.001) -> DepthFile | None:
@@ -62,30 +62,59 @@ def find_polycam(folder: Path) -> tuple[Path, Path] | None:
     """The folders of cameras and of photographs in such an export, or in its keyframes; None in another folder."""
     for root in (folder / "keyframes", folder):
         for cameras, images in _PAIRS:
-            if (root / images).is_dir() and next((root / cameras).glob("*.json"), None) is not None:
+            if (root / images).is_dir() and list_folder(root / cameras, "*.json"):
                 return root / cameras, root / images
     return None
+
+
+class PolycamCamera(Struct):
+    """Camera file of Polycam, one for each photograph."""
+
+    IGNORED: ClassVar[dict[str, str]] = {
+        "blur_score": "blurred pictures are used as the others are",
+        "timestamp": _NO_TIME,
+        "center_depth": "the depth map has it",
+        "neighbors": "pairs of photographs are found from the poses",
+        "manual_keyframe": "all keyframes are used",
+    }
+
+    t_00: Number
+    t_01: Number
+    t_02: Number
+    t_03: Number
+    t_10: Number
+    t_11: Number
+    t_12: Number
+    t_13: Number
+    t_20: Number
+    t_21: Number
+    t_22: Number
+    t_23: Number
+    width: Pixels
+    height: Pixels
+    fx: Positive
+    fy: Positive
+    cx: Number
+    cy: Number
 
 
 def read_polycam(folders: tuple[Path, Path]) -> Views:
     """Read an export of Polycam. Raises CaptureError where it is cut off or unusable."""
     cameras, images = folders
-    return Views("Polycam", tuple(_polycam_view(file, images) for file in sorted(cameras.glob("*.json"))))
+    files, keys, views = NamedFiles(images), KeyReport(), []
+    for file in list_folder(cameras, "*.json"):
+        camera, own = read_description(file, PolycamCamera)
+        keys = keys.merge(own)
+        views.append(_polycam_view(file, camera, files, images))
+    return Views("Polycam", tuple(views), keys=keys)
 
 
-def _polycam_view(file: Path, images: Path) -> View:
-    content = read_json(file)
-    try:
-        rows = [[float(content[f"t_{row}{column}"]) for column in range(4)] for row in range(3)]
-        size = float(content["width"]), float(content["height"])
-        lens = Lens.measured(
-            size, (float(content["fx"]), float(content["fy"])), (float(content["cx"]), float(content["cy"]))
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise CaptureError(f"{file} is not a camera of Polycam: it lacks or garbles {error}") from error
+def _polycam_view(file: Path, camera: PolycamCamera, files: NamedFiles, images: Path) -> View:
+    rows = [[getattr(camera, f"t_{row}{column}") for column in range(4)] for row in range(3)]
+    lens = Lens.measured((camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy))
     depth, confidence = (images.parent / part / f"{file.stem}.png" for part in ("depth", "confidence"))
     pose = rigid_pose(rows, file.name)
-    return View(file.stem, image_path(images, file.stem), lens, pose, depth=_lidar_depth(depth, confidence))
+    return View(file.stem, files.find(file.stem), lens, pose, depth=_lidar_depth(depth, confidence))
 
 
 _METADATA = ("metadata", "metadata.json")
@@ -103,81 +132,111 @@ def find_record3d(folder: Path) -> tuple[Path, Path] | None:
     return None
 
 
+class Record3dMetadata(Struct):
+    """Metadata of a recording of Record3D, for all of its frames."""
+
+    IGNORED: ClassVar[dict[str, str]] = {
+        "fps": _NO_TIME,
+        "frameTimestamps": _NO_TIME,
+        "cameraType": "the files beside the pictures tell whether there is depth",
+        "initPose": "poses holds the pose of each frame",
+    }
+
+    w: Pixels
+    h: Pixels
+    poses: Annotated[list[Annotated[list[Number], Meta(min_length=7, max_length=7)]], Meta(min_length=1)]
+    K: Annotated[list[Number], Meta(min_length=9, max_length=9)] | None = None
+    perFrameIntrinsicCoeffs: list[Annotated[list[Number], Meta(min_length=4, max_length=4)]] = []
+    dw: Pixels | None = None
+    dh: Pixels | None = None
+
+
 def read_record3d(parts: tuple[Path, Path]) -> Views:
     """Read a recording of Record3D. Raises CaptureError where it is cut off or unusable."""
     metadata, pictures = parts
-    content = read_json(metadata)
-    poses, size = content.get("poses"), (content.get("w"), content.get("h"))
-    if not isinstance(poses, list) or not poses or not all(isinstance(number, int | float) for number in size):
-        raise CaptureError(f"{metadata} is no metadata of Record3D: it lacks poses, w or h")
-    views = tuple(_record3d_view(index, pose, content, metadata, pictures) for index, pose in enumerate(poses))
-    return Views("Record3D", views)
+    content, keys = read_description(metadata, Record3dMetadata)
+    files = NamedFiles(pictures)
+    views = tuple(_record3d_view(index, content, metadata, files) for index in range(len(content.poses)))
+    return Views("Record3D", views, keys=keys)
 
 
-def _record3d_view(index: int, pose: Any, content: dict[str, Any], metadata: Path, pictures: Path) -> View:
+def _record3d_view(index: int, content: Record3dMetadata, metadata: Path, files: NamedFiles) -> View:
     where = f"frame {index} of {metadata}"
-    numbers = array_of(pose)
-    if numbers.shape != (7,) or not (np.abs(numbers) < LARGEST).all() or np.linalg.norm(numbers[:4]) < 1e-6:
-        raise CaptureError(f"{where} has no pose of seven finite numbers")
+    numbers = np.array(content.poses[index])
+    if np.linalg.norm(numbers[:4]) < 1e-6:
+        raise CaptureError(f"{where} has no pose: its quaternion is zero")
     x, y, z, w = numbers[:4]
     rotation = so3.matrix_from_quaternion(torch.tensor([w, x, y, z], dtype=torch.float64)).numpy()
-    names = [pictures / f"{index}{end}" for end in (".jpg", ".png", ".jpeg")]
-    path = next((name for name in names if name.is_file()), names[0])
-    pose, depth = rigid_pose(np.c_[rotation, numbers[4:]], where), _record3d_depth(index, content, pictures)
+    path = files.find(str(index))
+    path = path if path.suffix else path.with_suffix(".jpg")
+    pose, depth = rigid_pose(np.c_[rotation, numbers[4:]], where), _record3d_depth(index, content, path.parent)
     return View(path.name, path, _record3d_lens(index, content, where), pose, depth=depth)
 
 
-def _record3d_depth(index: int, content: dict[str, Any], pictures: Path) -> DepthFile | None:
+def _record3d_depth(index: int, content: Record3dMetadata, pictures: Path) -> DepthFile | None:
     """The depth map of a frame, if it has one."""
     packed = _lidar_depth(pictures / f"{index}.depth", pictures / f"{index}.conf", 1.0)
     if packed is None:
         return _lidar_depth(pictures.parent / "depth" / f"{index}.exr", None, 1.0)
-    width, height = content.get("dw"), content.get("dh")
-    known = type(width) is int and type(height) is int and min(width, height) > 0
-    return replace(packed, size=(width, height)) if known else packed
+    if content.dw is None or content.dh is None:
+        return packed
+    return replace(packed, size=(int(content.dw), int(content.dh)))
 
 
-def _record3d_lens(index: int, content: dict[str, Any], where: str) -> Lens:
+def _record3d_lens(index: int, content: Record3dMetadata, where: str) -> Lens:
     """Intrinsics of a frame where it has its own, else those of all."""
-    try:
-        own = content.get("perFrameIntrinsicCoeffs")
-        if isinstance(own, list) and index < len(own):
-            fx, fy, cx, cy = (float(number) for number in own[index])
-        else:
-            fx, _, _, _, fy, _, cx, cy, _ = (float(number) for number in content["K"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise CaptureError(f"{where} has no intrinsics of nine numbers in K") from error
-    return Lens.measured((float(content["w"]), float(content["h"])), (fx, fy), (cx, cy))
+    if index < len(content.perFrameIntrinsicCoeffs):
+        fx, fy, cx, cy = content.perFrameIntrinsicCoeffs[index]
+    elif content.K is not None:
+        fx, _, _, _, fy, _, cx, cy, _ = content.K
+    else:
+        raise CaptureError(f"{where} has no intrinsics: K, or its own of perFrameIntrinsicCoeffs, is needed")
+    return Lens.measured((content.w, content.h), (fx, fy), (cx, cy))
+
+
+class ScannerFrame(Struct):
+    """Camera file of 3D Scanner App, one for each frame."""
+
+    IGNORED: ClassVar[dict[str, str]] = {
+        "time": _NO_TIME,
+        "frame_index": "the name of the file has it",
+        "projectionMatrix": "intrinsics holds the lens",
+        "mvp": "intrinsics and cameraPoseARFrame hold it",
+        "motionQuality": "blurred pictures are used as the others are",
+        "averageAngularVelocity": "blurred pictures are used as the others are",
+        "averageVelocity": "blurred pictures are used as the others are",
+        "exposureDuration": "exposure is found in training",
+    }
+
+    cameraPoseARFrame: Annotated[list[Number], Meta(min_length=16, max_length=16)]
+    intrinsics: Annotated[list[Number], Meta(min_length=9, max_length=9)]
 
 
 def find_scanner(folder: Path) -> list[Path]:
     """The frames of such an export; none in a folder without photographs of them."""
-    return sorted(folder.glob("frame_*.json")) if next(folder.glob("frame_*.jpg"), None) is not None else []
+    return list_folder(folder, "frame_*.json") if list_folder(folder, "frame_*.jpg") else []
 
 
 def read_scanner(frames: list[Path]) -> Views:
     """Read an export of 3D Scanner App. Raises CaptureError where it is unusable."""
-    pairs = [(file, file.with_suffix(".jpg")) for file in frames]
-    views = tuple(_scanner_view(file, photograph) for file, photograph in pairs if photograph.is_file())
+    keys, views = KeyReport(), []
+    for file in frames:
+        if (photograph := file.with_suffix(".jpg")).is_file():
+            frame, own = read_description(file, ScannerFrame)
+            keys = keys.merge(own)
+            views.append(_scanner_view(file, frame, photograph))
     if not views:
         raise CaptureError(f"{frames[0].parent} has frames of 3D Scanner App, but none of them has a photograph")
-    return Views("3D Scanner App", views)
+    return Views("3D Scanner App", tuple(views), keys=keys)
 
 
-def _scanner_view(file: Path, photograph: Path) -> View:
-    content = read_json(file)
-    pose, matrix = content.get("cameraPoseARFrame"), content.get("intrinsics")
-    if not (isinstance(pose, list) and isinstance(matrix, list) and len(pose) == 16 and len(matrix) == 9):
-        raise CaptureError(f"{file} is not a frame of 3D Scanner App: it has no cameraPoseARFrame and intrinsics")
-    try:
-        fx, _, cx, _, fy, cy, *_ = (float(number) for number in matrix)
-    except (TypeError, ValueError) as error:
-        raise CaptureError(f"{file} has intrinsics that are no numbers") from error
+def _scanner_view(file: Path, frame: ScannerFrame, photograph: Path) -> View:
+    fx, _, cx, _, fy, cy, *_ = frame.intrinsics
     lens = Lens.measured(_picture_size(photograph, (2 * cx, 2 * cy)), (fx, fy), (cx, cy))
     number = file.stem.removeprefix("frame_")
     depth, confidence = (file.with_name(f"{part}_{number}.png") for part in ("depth", "conf"))
     map_file = _lidar_depth(depth, confidence) or _lidar_depth(file.with_suffix(".exr"), confidence, 1.0)
-    rows = [pose[row : row + 4] for row in (0, 4, 8)]
+    rows = [frame.cameraPoseARFrame[row : row + 4] for row in (0, 4, 8)]
     return View(photograph.name, photograph, lens, rigid_pose(rows, file.name), depth=map_file)
 
 

@@ -15,6 +15,7 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, fisheye_points
+from nerfnav.importers.captures.masks import shrink_mask
 from nerfnav.importers.captures.views import CaptureError, Lens
 from nerfnav.importers.core.stored_picture import read_picture
 
@@ -42,6 +43,8 @@ class Picture:
     """Its intrinsics; a distortion is left out, but for a fisheye's."""
     distortion: tuple[float, ...]
     """OpenCV's coefficients; none: a pinhole, or a fisheye."""
+    mask: np.ndarray | None = None
+    """True for pixels that count (height, width); None: all."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +65,11 @@ def read_pixels(path: Path, lens: Lens | None = None) -> np.ndarray | None:
         return None
 
 
-def shrink_picture(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:
-    """A photograph `downscale` times smaller along each side, each pixel the mean of those that it stands for."""
+def shrink_picture(pixels: np.ndarray, lens: Lens, downscale: int, mask: np.ndarray | None = None) -> Picture:
+    """A photograph `downscale` times smaller along each side, each pixel the mean of those that it stands for.
+
+    `mask` (height, width) is true for those that count.
+    """
     height, width = pixels.shape[:2]
     lens.camera(width, height)  # refuses a shape that is not the lens's
     size = max(1, round(width / downscale)), max(1, round(height / downscale))
@@ -71,7 +77,8 @@ def shrink_picture(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:
         pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     # the shape was judged at full size, where rounding is small
     distortion = () if lens.fisheye else lens.distortion
-    return Picture(pixels, replace(lens, aspect=None).camera(*size), distortion)
+    mask = None if mask is None else shrink_mask(mask, *size)
+    return Picture(pixels, replace(lens, aspect=None).camera(*size), distortion, mask)
 
 
 def common_camera(pictures: list[Picture]) -> Camera:
@@ -93,11 +100,22 @@ def common_camera(pictures: list[Picture]) -> Camera:
 
 def resample_picture(picture: Picture, camera: Camera) -> np.ndarray:
     """Resample a picture to `camera`: (height, width, 3 or 4)."""
+    return _resample(picture, picture.pixels, camera)
+
+
+def resample_mask(picture: Picture, camera: Camera) -> np.ndarray | None:
+    """Resample the mask of a picture to `camera`: pixels count where all that they are made of do; None without one."""
+    if picture.mask is None:
+        return None
+    return _resample(picture, np.where(picture.mask, np.uint8(255), np.uint8(0)), camera) == 255
+
+
+def _resample(picture: Picture, pixels: np.ndarray, camera: Camera) -> np.ndarray:
     straight = not picture.distortion and not picture.camera.fisheye
     if straight and np.allclose(picture.camera.numbers, camera.numbers, rtol=0, atol=1e-6):
-        return picture.pixels
+        return pixels
     maps = undistortion(picture.camera, picture.distortion, camera)
-    return cv2.remap(picture.pixels, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.remap(pixels, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def undistortion(seen: Camera, distortion: tuple[float, ...], camera: Camera) -> tuple[np.ndarray, np.ndarray]:

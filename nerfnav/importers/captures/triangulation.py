@@ -64,7 +64,8 @@ def triangulate_points(photographs: PosedImages, config: TriangulationConfig | N
 
 def _features(photographs: PosedImages, index: int, count: int) -> _Seen:
     grey = cv2.cvtColor(photographs.images[index].numpy(), cv2.COLOR_RGB2GRAY)
-    keypoints, descriptors = cv2.SIFT_create(nfeatures=count).detectAndCompute(grey, None)  # type: ignore[attr-defined]
+    mask = None if photographs.mask is None else photographs.mask[index].numpy().astype(np.uint8)
+    keypoints, descriptors = cv2.SIFT_create(nfeatures=count).detectAndCompute(grey, mask)  # type: ignore[attr-defined]
     pose, camera = photographs.poses[index], photographs.camera
     if descriptors is None:
         return _Seen(np.zeros((0, 128), np.float32), pose.position.numpy(), np.zeros((0, 3)))

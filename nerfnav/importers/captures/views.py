@@ -3,22 +3,22 @@
 All readers of captures share these records, and the checks of poses and JSON objects.
 """
 
-import json
 import math
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.formats import LARGEST, KeyReport, parse_json, read_record, read_text
 from nerfnav.geometry import Camera
 
+R = TypeVar("R", bound=msgspec.Struct)
 _SKEWED = 1e-2
 """Largest deviation from a rotation of a matrix that was only rounded."""
-LARGEST = 1e12
-"""Numbers in poses and lenses are smaller."""
 ASPECT = 0.02
 """Largest relative difference of the aspect ratios of a picture and its calibration, or its depth map."""
 
@@ -102,6 +102,16 @@ class DepthFile:
         return (self.path,) if self.confidence is None else (self.path, self.confidence)
 
 
+@dataclass(frozen=True)
+class MaskFile:
+    """Mask of one photograph, not read yet."""
+
+    path: Path
+    """Picture of as many pixels, or of the same shape."""
+    inverted: bool = False
+    """Pixels that are not 0 are left out (instant-ngp's dynamic masks), and not those that are 0."""
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """One photograph, not read yet."""
@@ -118,11 +128,23 @@ class View:
     """Member of the capture's test split."""
     depth: DepthFile | None = None
     """Its depth map; None where it has none."""
+    mask: MaskFile | None = None
+    """Mask of the pixels that count; None: all."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that may be read of it."""
+        depth = () if self.depth is None else self.depth.files
+        return (self.path, *depth, *(() if self.mask is None else (self.mask.path,)))
 
     @property
     def exists(self) -> bool:
         """True where the file exists; false for names that the file system refuses."""
         return os.path.isfile(self.path)
+
+    def judging(self) -> "View":
+        """The same view as a member of the test split."""
+        return replace(self, test=True)
 
     def transformed(self, similarity: np.ndarray) -> "View":
         """The same view in a world that a 4 x 4 similarity maps this one into; the pose stays rigid."""
@@ -157,6 +179,10 @@ class Views:
     """Every photograph that is named, whether it exists or not."""
     tracks: Tracks | None = None
     """Points that were found in them; None where the capture brings none."""
+    keys: KeyReport = field(default_factory=KeyReport)
+    """Keys of its files, by their treatment."""
+    guesses: tuple[str, ...] = ()
+    """Choices between files that hold different things, one sentence each."""
 
     def transformed(self, similarity: np.ndarray) -> "Views":
         """The same in a world that a 4 x 4 similarity maps this one into."""
@@ -193,14 +219,20 @@ def array_of(entry: Any) -> np.ndarray:
         return np.zeros(0)
 
 
+def read_description(path: Path, kind: type[R]) -> tuple[R, KeyReport]:
+    """Read a file of JSON into a struct of type `kind`. Raises CaptureError where it does not fit."""
+    try:
+        return read_record(path, kind)
+    except InvalidInputError as error:
+        raise CaptureError(str(error)) from error
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """The object in a file. Raises CaptureError where there is none."""
     try:
-        head = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise CaptureError(f"{path} is not readable as JSON: it is empty, cut off or another kind of file") from error
-    except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}") from error
+        head = parse_json(read_text(path), path)
+    except InvalidInputError as error:
+        raise CaptureError(str(error)) from error
     if not isinstance(head, dict):
         raise CaptureError(f"{path} is JSON, but not the description of a capture")
     return head

@@ -6,10 +6,10 @@ The message for a wrong kind names the kind and the command that takes it.
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.formats import PICTURES, list_folder
 from nerfnav.importers.core.kinds import (
     FIELD,
     MESHES,
-    PICTURES,
     SPLATS,
     SourceKind,
     field_name,
@@ -38,7 +38,7 @@ def wrong_kind_error(what: str | Path, kind: SourceKind, wanted: str) -> WrongKi
 
 
 def _folder_in_words(folder: Path) -> str:
-    if any(entry.suffix.lower() in PICTURES for entry in folder.iterdir()):
+    if any(entry.suffix.lower() in PICTURES for entry in list_folder(folder)):
         return "a folder of pictures without poses (COLMAP, or nerfstudio's ns-process-data, finds them)"
     return "a folder of nothing that can be opened"
 

@@ -20,7 +20,6 @@ CHECKPOINTS = (".ckpt", ".tar", ".pth", ".pt")
 ARCHIVES = (".zip", ".r3d")
 """Archives that hold a capture or a mesh."""
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
-PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff", ".heic")
 UPLOADS = tuple(dict.fromkeys((FIELD, *MESHES, *SPLATS, *ARCHIVES, *VIDEOS, *CHECKPOINTS)))
 """All that can be opened as one file."""
 

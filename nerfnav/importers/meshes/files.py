@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from nerfnav.core.errors import MissingExtraError
 from nerfnav.core.files import require_fetched
+from nerfnav.formats import list_folder
 from nerfnav.importers.captures.archive import list_names
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.errors import MeshFileError, first_line
@@ -126,7 +127,7 @@ _SECOND_RATE = (".stl", ".ply")
 def list_archived_meshes(archive: Path) -> list[str]:
     """Names of the meshes in a .zip that is no capture; none where it cannot be read, which its reader reports."""
     try:
-        names = [name for name in list_names(archive) if not name.startswith("__MACOSX/")]
+        names = list_names(archive)
     except (CaptureError, OSError):
         return []
     if any(part.startswith(_OF_CAPTURES) for name in names for part in PurePosixPath(name).parts):
@@ -142,7 +143,7 @@ def find_mesh(folder: Path) -> Path | None:
     for place in (folder, folder / "meshes"):
         if not place.is_dir():
             continue
-        found = [entry for entry in place.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+        found = [entry for entry in list_folder(place) if entry.suffix.lower() in SUFFIXES and entry.is_file()]
         if found:
             return select_mesh(found)
     return None

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.formats import list_folder
 from nerfnav.importers.core.kinds import CHECKPOINTS as SUFFIXES
 
 _NETWORKS = (("model_coarse_state_dict", "model_fine_state_dict"), ("network_fn_state_dict", "network_fine_state_dict"))
@@ -57,13 +58,13 @@ def _not_whole(file: Path) -> InvalidInputError:
 def is_checkpoint(path: Path) -> bool:
     """True for a checkpoint: a file by its ending, a folder by its content."""
     if path.is_dir():
-        return any(entry.suffix.lower() in SUFFIXES for entry in path.iterdir())
+        return any(entry.suffix.lower() in SUFFIXES for entry in list_folder(path))
     return path.suffix.lower() in SUFFIXES
 
 
 def newest_checkpoint(folder: Path) -> Path:
     """Checkpoint of a folder with the highest number in its name. Raises InvalidInputError where there is none."""
-    found = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+    found = [entry for entry in list_folder(folder) if entry.suffix.lower() in SUFFIXES and entry.is_file()]
     if not found:
         raise InvalidInputError(
             f"{folder} holds no checkpoint; a trained NeRF is a file ending in {' or '.join(SUFFIXES)}"

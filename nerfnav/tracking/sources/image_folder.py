@@ -1,16 +1,13 @@
 """Image folder: pictures whose names are the times at which they were taken.
 
-A name with a point is a time in s (TUM: 1305031102.175304.png), one of 16 digits and more in ns (ROS, EuRoC:
-1403636579763555584.png). Shorter whole numbers count pictures and tell no time.
+Names that count pictures tell no time; see `nerfnav.formats.time_in_name`.
 """
 
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.tracking.sources.pictures import SUFFIXES, FileSource, TimedFile
-
-_NANOSECONDS = 16
-"""Digits from which a whole number is a time in ns."""
+from nerfnav.formats import PICTURES, list_folder, time_in_name
+from nerfnav.tracking.sources.pictures import FileSource, TimedFile
 
 
 def open_folder(folder: Path, fps: float | None = None, aspect: float | None = None) -> FileSource:
@@ -31,17 +28,14 @@ def is_folder_of_pictures(path: Path) -> bool:
 
 
 def _pictures_in(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
+    return [path for path in list_folder(folder) if path.suffix.lower() in PICTURES and path.is_file()]
 
 
 def _time_of(path: Path) -> float:
-    name = path.stem
-    if name.isdecimal() and len(name) >= _NANOSECONDS:
-        return int(name) / 1e9
-    whole, point, part = name.partition(".")
-    if point and whole.isdecimal() and part.isdecimal():
-        return float(name)
+    time = time_in_name(path.stem)
+    if time is not None:
+        return time
     raise InvalidInputError(
-        f"the picture {path.name} tells no time: name pictures by theirs (in s with a point, or in ns), list them in "
-        "rgb.txt (TUM), or say how many there are in a second (fps)"
+        f"the picture {path.name} tells no time: name pictures by theirs (in s with a point, or since 1970 "
+        "in s, ms, us or ns), list them in rgb.txt (TUM), or say how many there are in a second (fps)"
     )

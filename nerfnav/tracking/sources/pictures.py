@@ -40,10 +40,6 @@ def decode_picture(data: Any, swapped: bool = False, aspect: float | None = None
     return torch.from_numpy(colors.copy())
 
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
-"""Suffixes of picture files."""
-
-
 class TimedFile(NamedTuple):
     """File of a picture, with its time."""
 

@@ -22,7 +22,8 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import import_extra
-from nerfnav.geometry import Camera, Pose, parse_camera, so3
+from nerfnav.formats import parse_camera
+from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.tracking.frame import Frame, ImuMeasurements, mount_of
 from nerfnav.tracking.sources.pictures import GREY, decode_picture, require_later
 
@@ -102,17 +103,17 @@ def _raw(message: Any) -> UInt8[Tensor, "height width 3"]:
 def camera_of(message: Any, topic: str) -> Camera | None:
     """The camera that a CameraInfo tells for a topic of pictures; None where it says that it is not calibrated.
 
-    Pictures of a topic named image_rect... are rectified: theirs is the projection P, without distortion.
-    Raises InvalidInputError for a lens of another model.
+    Pictures of a topic named image_rect... are rectified: theirs is the projection P, without distortion. Those of a
+    region of interest or with binning have a part of the camera's, as ROS's image_geometry takes it. Raises
+    InvalidInputError for a lens of another model.
     """
     if not np.any(message.k):
         return None
     rectified = PurePosixPath(topic.removesuffix("/compressed")).name.startswith(_RECTIFIED)
-    matrix = np.reshape(message.p, (3, 4))[:, :3] if rectified else message.k
-    given = {"image_width": message.width, "image_height": message.height, "camera_matrix": np.ravel(matrix).tolist()}
-    if not rectified:
-        given |= {"distortion_model": message.distortion_model, "distortion_coefficients": list(map(float, message.d))}
-    return parse_camera(given)
+    given = {name: getattr(message, name) for name in ("width", "height", "distortion_model", "binning_x", "binning_y")}
+    given |= {name: list(map(float, getattr(message, name))) for name in ("k", "p", "d")}
+    given["roi"] = {name: getattr(message.roi, name) for name in ("x_offset", "y_offset", "width", "height")}
+    return parse_camera(given, "CameraInfo", rectified)
 
 
 _USER = "reading a recording of ROS"

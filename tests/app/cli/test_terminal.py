@@ -120,3 +120,14 @@ def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) ->
     assert process.returncode == 0
     assert "PSNR" in shown
     assert json.loads(summary)["file_bytes"] == out.stat().st_size
+
+
+def test_people_are_told_the_unknown_keys_of_an_input_and_programs_all(capsys: pytest.CaptureFixture[str]) -> None:
+    keys = {"used": ["frames"], "ignored": {"scale": "no reason"}, "unknown": ["frames[].foo", "bar"]}
+    show("a field", {"voxels": 3, "input_keys": keys}, as_json=False)
+    table = capsys.readouterr().out
+    assert "frames[].foo, bar" in table and "no reason" not in table
+    show("a field", {"voxels": 3, "input_keys": {**keys, "unknown": []}}, as_json=False)
+    assert "keys" not in capsys.readouterr().out
+    show("a field", {"voxels": 3, "input_keys": keys}, as_json=True)
+    assert json.loads(capsys.readouterr().out)["input_keys"] == keys

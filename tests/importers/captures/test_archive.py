@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from nerfnav.importers.captures import archive
 from nerfnav.importers.captures.archive import unpack_capture
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.views import CaptureError
-from tests.importers.captures.synthetic import write_colmap, write_transforms
+from tests.importers.captures.synthetic import changed, write_colmap, write_transforms
 
 
 def zipped(folder: Path, path: Path, under: str = "") -> Path:
@@ -130,3 +131,30 @@ def test_whatever_breaks_in_a_binary_model_is_reported_as_a_broken_capture(tmp_p
                 read_views(folder)
         path.write_bytes(whole.tobytes())
     assert len(read_views(folder).views) == 8
+
+
+def test_archives_of_other_systems_are_read(tmp_path: Path) -> None:
+    folder = write_transforms(tmp_path / "in")
+    path = tmp_path / "c.zip"
+    with zipfile.ZipFile(path, "w") as content:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                name = str(file.relative_to(folder)).replace("/", "\\")
+                content.write(file, f"cap\\{name}")
+                content.writestr(f"__MACOSX/cap/._{file.name}", b"\x00\x05\x16\x07")
+                content.writestr(f"cap/{file.parent.name}/._{file.name}", b"\x00\x05\x16\x07")
+    out = tmp_path / "out"
+    found = read_views(unpack_capture(path, out))
+    assert len(found.views) == 8 and all(view.exists for view in found.views)
+    assert not [entry for entry in out.rglob("*") if entry.name.startswith(("._", "__"))]
+
+
+@pytest.mark.parametrize("ending", [".bmp", ".TIF", ".tiff", ".JPEG", ".webp"])
+def test_pictures_of_every_kind_are_unpacked(tmp_path: Path, ending: str) -> None:
+    folder = write_transforms(tmp_path / "in")
+    for picture in sorted((folder / "images").iterdir()):
+        Image.open(picture).save(picture.with_suffix(ending))
+        picture.unlink()
+    changed(folder, lambda said: [frame.update(file_path=frame["file_path"][:-4]) for frame in said["frames"]])
+    found = read_views(unpack_capture(zipped(folder, tmp_path / "c.zip"), tmp_path / "out"))
+    assert all(view.exists for view in found.views)

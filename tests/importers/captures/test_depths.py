@@ -10,8 +10,9 @@ import torch
 
 from nerfnav.core.steps import run_steps
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.depths import read_depth
 from nerfnav.importers.captures.importer import import_capture
-from nerfnav.importers.captures.views import CaptureError
+from nerfnav.importers.captures.views import CaptureError, DepthFile
 from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.synthetic import (
     CAMERA,
@@ -63,6 +64,31 @@ def test_the_unit_is_the_files_own_and_scale_holds_for_depths_too(tmp_path: Path
     origins, directions = placed.depth_camera.rays(placed.poses[2])
     points = origins + placed.depth[2].reshape(-1, 1) * directions
     torch.testing.assert_close(points.norm(dim=-1), torch.full((18 * 24,), 10 * RADIUS), atol=1e-2, rtol=0)
+
+
+@pytest.mark.parametrize("axis", [0, -1])
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.uint16])
+def test_an_array_of_one_channel_is_a_map(tmp_path: Path, axis: int, kind: type) -> None:
+    np.save(tmp_path / "d.npy", np.expand_dims(np.arange(12).reshape(3, 4), axis).astype(kind))
+    np.testing.assert_allclose(read_depth(DepthFile(tmp_path / "d.npy", 0.5)), 0.5 * np.arange(12).reshape(3, 4))
+    np.save(tmp_path / "d.npy", np.zeros((3, 4, 2), kind))
+    with pytest.raises(CaptureError, match="no readable depth map"):
+        read_depth(DepthFile(tmp_path / "d.npy"))
+
+
+def test_the_depth_of_instant_ngp_has_a_unit_of_its_own_and_can_be_switched_off(tmp_path: Path) -> None:
+    def rename(said: dict) -> None:
+        said["integer_depth_scale"] = said.pop("depth_unit_scale_factor", 0.001)
+        for frame in said["frames"]:
+            frame["depth_path"] = frame.pop("depth_file_path")
+
+    usual = imported(write_depths(tmp_path)).learned.depth
+    found = imported(changed(tmp_path, rename)).learned.depth
+    assert usual is not None and found is not None and torch.equal(usual, found)
+    changed(tmp_path, lambda said: said.update(enable_depth_loading=False))
+    report = imported(tmp_path).report
+    assert report.images_with_depth == 0
+    assert report.input_keys.ignored["frames[].depth_path"] == "enable_depth_loading is false"
 
 
 def test_a_frame_without_depth_has_none(tmp_path: Path) -> None:
@@ -118,7 +144,7 @@ def _nothing(folder: Path) -> None:
         (_other_size, "differ in size"),
         (_nan, "depth/3.npy has depths that are NaN"),
         (_other_unit, "another unit: set depth_unit_scale_factor"),
-        (_no_unit, "depth_unit_scale_factor of 0: it must be above 0"),
+        (_no_unit, "depth_unit_scale_factor is 0.0, a number above 0"),
         (_coloured, "depth/3.png is no readable depth map"),
         (_cut_off, "depth/3.png is no readable depth map"),
         (_nothing, "hold no depth at all"),

@@ -70,14 +70,14 @@ def test_a_recording_of_one_file_is_unpacked_and_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("write", "reported"),
     [
-        (partial(write_polycam, fx="wide"), "is not a camera of Polycam"),
-        (partial(write_polycam, t_00=float("nan")), "not finite"),
-        (partial(write_polycam, width=None), "is not a camera of Polycam"),
-        (partial(write_scanner, cameraPoseARFrame=[1, 2, 3]), "no cameraPoseARFrame and intrinsics"),
-        (partial(write_scanner, intrinsics=["a"] * 9), "intrinsics that are no numbers"),
-        (partial(write_record3d, poses=[[0, 0, 0, 0, 1, 2, 3]] * 8), "no pose of seven finite numbers"),
-        (partial(write_record3d, poses="none"), "lacks poses, w or h"),
-        (partial(write_record3d, K=[1, 2]), "no intrinsics of nine numbers"),
+        (partial(write_polycam, fx="wide"), "fx is \"wide\", a number is needed"),
+        (partial(write_polycam, t_00=float("nan")), "t_00 is NaN, a finite number"),
+        (partial(write_polycam, width=None), "width is null, a number is needed"),
+        (partial(write_scanner, cameraPoseARFrame=[1, 2, 3]), "a list of 3, a list with a length of at least 16"),
+        (partial(write_scanner, intrinsics=["a"] * 9), r"intrinsics\[0\] is .a., a number is needed"),
+        (partial(write_record3d, poses=[[0, 0, 0, 0, 1, 2, 3]] * 8), "its quaternion is zero"),
+        (partial(write_record3d, poses="none"), "poses is .none., a list is needed"),
+        (partial(write_record3d, K=[1, 2]), "K is a list of 2, a list with a length of at least 9"),
     ],
 )
 def test_damaged_exports_are_one_sentence(write: Callable[[Path], Path], reported: str, tmp_path: Path) -> None:

@@ -42,6 +42,17 @@ def test_names_in_seconds_and_in_nanoseconds_are_times(tmp_path: Path) -> None:
     assert frame.time == pytest.approx(1403636579.763555584) and frame.picture[0, 0].tolist() == [138, 128, 128]
 
 
+@pytest.mark.parametrize(("names", "step"), [
+    (("1606417097528152", "1606417097628152"), 0.1), (("1606417097528", "1606417097578"), 0.05),
+    (("0000000050000000000", "0000000150000000000"), 100.0),
+])  # fmt: skip
+def test_names_since_1970_have_the_unit_of_their_magnitude(tmp_path: Path, names: tuple[str, ...], step: float) -> None:
+    for name in names:
+        paint(tmp_path / f"{name}.png")
+    first, second = frames(tmp_path)
+    assert second.time - first.time == pytest.approx(step, abs=1e-6)
+
+
 def test_counted_pictures_need_a_rate(tmp_path: Path) -> None:
     for name in ("2.png", "10.png", "1.png"):
         paint(tmp_path / name)
@@ -57,13 +68,15 @@ def test_a_list_of_tum_is_read(tmp_path: Path) -> None:
     (tmp_path / "rgb.txt").write_text("# timestamp filename\n0.5 rgb/0.png\n0.6 rgb/1.png\n0.75 rgb/2.png\n")
     assert [frame.time for frame in frames(tmp_path)] == [0.5, 0.6, 0.75]
     assert open_source(tmp_path).count == 3
+    (tmp_path / "rgb.txt").write_text("\ufeff1606417097528152\tRGB\\0.PNG\r\n1606417097628152,rgb/1.png\r\n")
+    assert [frame.time for frame in frames(tmp_path)] == pytest.approx([1606417097.528152, 1606417097.628152], abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("lines", "complaint"),
     [
         ("0.5 rgb/0.png\n0.4 rgb/1.png\n", "time must go on"),
-        ("nan rgb/0.png\n", "time must go on"),
+        ("nan rgb/0.png\n", "line 1 of .* has 'nan' where a number should be"),
         ("rgb/0.png\n", "line 1"),
         ("# nothing\n", "names no pictures"),
         ("0.5 rgb/gone.png\n", "gone.png cannot be read"),
@@ -119,3 +132,26 @@ def test_what_is_no_source_is_told(tmp_path: Path) -> None:
         open_source(tmp_path / "film.mp4")
     with pytest.raises(InvalidInputError, match="above 0"):
         SourceOptions(float("nan"))
+
+
+def test_names_of_a_capture_are_found_as_training_finds_them(tmp_path: Path) -> None:
+    for index, name in enumerate(("images/0.png", "images/1.PNG", "images/._0.png")):
+        paint(tmp_path / name, 40 * index)
+    told = [{"file_path": "images\\0.png", "timestamp": 1_700_000_000_000}, {"file_path": "./images/1", "time_s": 2e9}]
+    (tmp_path / "transforms.json").write_text(json.dumps({"frames": told}), encoding="utf-16")
+    source = open_source(tmp_path)
+    assert [frame.time for frame in source.frames()] == [1.7e9, 2e9] and source.camera is None
+
+
+def test_the_camera_of_a_capture_is_refused_as_that_of_a_file_is(tmp_path: Path) -> None:
+    paint(tmp_path / "0.png")
+    head = {"w": 16, "h": 12, "fl_x": 12, "k5": 0.1}
+    (tmp_path / "transforms.json").write_text(json.dumps({**head, "frames": [{"file_path": "0.png", "time_s": 0}]}))
+    with pytest.raises(InvalidInputError, match="calibrate with those"):
+        open_source(tmp_path)
+
+
+def test_files_of_file_systems_are_no_pictures(tmp_path: Path) -> None:
+    paint(tmp_path / "1.5.png")
+    (tmp_path / "._1.5.png").write_bytes(b"\x00\x05\x16\x07")
+    assert open_source(tmp_path).count == 1

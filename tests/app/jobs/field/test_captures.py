@@ -97,7 +97,7 @@ def test_what_is_unpacked_is_gone_afterwards_even_when_cancelled(
 
 def test_errors_in_an_archive_name_its_files_and_not_where_they_were_unpacked(tmp_path: Path) -> None:
     folder = changed(write_transforms(tmp_path / "room"), lambda said: said.update(fl_x=0))
-    with pytest.raises(CaptureError, match="focal length must be above 0"):
+    with pytest.raises(CaptureError, match="fl_x is 0, a number above 0 is needed"):
         list(run(request(zipped(folder), tmp_path / "f.npz")))
     (folder / "transforms.json").write_text("nothing")
     with pytest.raises(CaptureError, match=r"^transforms\.json is not readable as JSON"):

@@ -12,7 +12,8 @@ import torch
 
 from nerfnav.export.track import OPENCV
 from nerfnav.field import save_field
-from nerfnav.geometry import Camera, read_camera, so3
+from nerfnav.formats import read_camera
+from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav_app.cli.main import main
 from tests.export.readers import poses_of_tum

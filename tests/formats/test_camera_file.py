@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera, format_camera, read_camera
+from nerfnav.formats import format_camera, read_camera
+from nerfnav.geometry import Camera
 
 MATRIX = np.array([[320.0, 0, 310], [0, 322.0, 245], [0, 0, 1]])
 BROWN, FISHEYE = (-0.2, 0.05, 0.001, -0.002, 0.01), (0.03, -0.01, 0.004, -0.001)
@@ -86,12 +87,12 @@ def test_a_fisheye_sees_beside_itself() -> None:
     [
         (("plumb_bob", "omnidirectional"), "the lens model 'omnidirectional' is not known"),
         (("image_width: 640\n", ""), "width and height are missing"),
-        (("image_width: 640", "image_width: 640.5"), "no whole numbers"),
-        (("320.0", ".nan"), "focal lengths"),
+        (("image_width: 640", "image_width: 640.5"), "image_width is 640.5, a number without a fraction"),
+        (("320.0", ".nan"), "camera_matrix[0] is NaN, a finite number"),
         (("320.0", "-320.0"), "focal lengths"),
         (("rows: 3, cols: 3, data: [320.0, ", "rows: 3, cols: 3, data: ["), "9 numbers"),
         (("camera_matrix", "matrix"), "camera_matrix is missing"),
-        (("image_width", "image_width: ["), "no calibration"),
+        (("image_width", "image_width: [4]\nwas"), "image_width is a list of 1, a number"),
         (("-0.2,", ".inf,"), "finite"),
     ],
 )
