@@ -67,7 +67,8 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "nerfnav.importers": (
         ("core",),
-        ("alignment", "captures", "nerf", "splats"),
+        ("alignment", "captures", "nerf"),
+        ("splats",),
         ("meshes",),
         ("detect",),
     ),

@@ -67,7 +67,10 @@ def main(words: Sequence[str] | None = None) -> int:
             print(explain(words))
         else:
             command, arguments = parse(words)
-            command.run(arguments)
+            with warnings.catch_warnings():
+                # of numpy, in readers of foreign files: what is wrong with a file is in the one sentence
+                warnings.simplefilter("ignore", RuntimeWarning)
+                command.run(arguments)
         sys.stdout.flush()
     except NerfnavError as error:
         message = name_option(error, words) if isinstance(error, InvalidNumberError) else error

@@ -8,7 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from nerfnav.core.errors import InvalidInputError
+import msgspec
+
+from nerfnav.core.errors import InvalidInputError, first_line
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.storage.output_files import json_line, write_text
 
@@ -70,15 +72,16 @@ class RunMetadata:
             content = json.loads((folder / FILE).read_text())
             if (content.pop("format"), content.pop("version")) != (FORMAT, VERSION):
                 raise ValueError("it is of another format")
-            ends = Ends(_end(content["ends"]["start"]), _end(content["ends"]["goal"]))
-            return cls(**content | {"ends": ends, "requests": tuple(content.get("requests", ()))})
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InvalidInputError(f"{folder.name} holds no readable {FORMAT} of version {VERSION}") from error
-
-
-def _end(content: dict[str, Any]) -> End:
-    x, y, z = map(float, content["position"])
-    return End((x, y, z), float(content["yaw"]))
+            about = msgspec.convert(content, cls)
+            ends = (about.ends.start, about.ends.goal)
+            if not all(math.isfinite(number) for end in ends for number in (*end.position, end.yaw, about.dt)):
+                raise ValueError("a number of its ends, or its dt, is not finite")
+            return about
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            reason = f"it has no {error}" if isinstance(error, KeyError) else first_line(error)
+            raise InvalidInputError(
+                f"{FILE} of {folder.name} is no readable {FORMAT} of version {VERSION}: {reason}"
+            ) from error
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ pictures/       the camera's picture of each step as JPEG
 Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
 """
 
+import math
 from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import torch
 from torch import Tensor
@@ -59,29 +61,78 @@ def keep_picture(folder: Path, image: Tensor, index: int) -> str:
     return name
 
 
+class _StoredMotion(msgspec.Struct):
+    """Motion as a line holds it: states of 18 numbers each, actions row by row."""
+
+    states: list[float]
+    actions: list[float]
+    shape: tuple[int, int]
+    dt: float
+
+
+class _StoredStep(msgspec.Struct):
+    """Step as a line holds it (see `encode_step`)."""
+
+    index: int
+    time: float
+    action: list[float] | None
+    truth: list[float]
+    belief: list[float]
+    covariance: list[float]
+    plan: _StoredMotion
+    touched: bool
+    filter_ms: float
+    replan_ms: float
+    outcome: str | None
+    recovery: str | None
+    picture: str | None = None
+    late: bool = False
+    gust_mps: float | None = None
+    transition: dict[str, int | str] | None = None
+    first_plan: _StoredMotion | None = None
+
+
 def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
-    """A step as it was written, with its picture where `folder` is given."""
-    action, first = content["action"], content.get("first_plan")
-    outcome, recovery, transition = content["outcome"], content["recovery"], content.get("transition")
+    """Decode a step as it was written, with its picture where `folder` is given.
+
+    Raises ValueError, KeyError or RuntimeError for what is none. A belief may be NaN, as a filter that diverged has it.
+    """
+    step = msgspec.convert(content, _StoredStep)
+    _require_finite("time", step.time)
     return NavigationStep(
-        index=int(content["index"]),
-        time=float(content["time"]),
-        action=None if action is None else torch.tensor(action),
-        truth=_state(torch.tensor(content["truth"])),
-        belief=Belief(_state(torch.tensor(content["belief"])), torch.tensor(content["covariance"]).reshape(12, 12)),
-        image=None if folder is None or content["picture"] is None else _picture(folder, content["index"]),
+        index=step.index,
+        time=step.time,
+        action=None if step.action is None else _finite("action", step.action),
+        truth=_state(_finite("truth", step.truth)),
+        belief=Belief(_state(torch.tensor(step.belief)), torch.tensor(step.covariance).reshape(12, 12)),
+        image=None if folder is None or step.picture is None else _picture(folder, step.index),
         update=None,
-        plan=_decode_motion(content["plan"]),
-        touched=bool(content["touched"]),
-        filter_ms=float(content["filter_ms"]),
-        replan_ms=float(content["replan_ms"]),
-        outcome=None if outcome is None else EpisodeOutcome[outcome.upper()],
-        change=None if transition is None else StateChange.from_json(transition),
-        recovery=None if recovery is None else SupervisorAction[recovery.upper()],
-        late=bool(content.get("late", False)),
-        gust_mps=content.get("gust_mps"),
-        first_plan=None if first is None else _decode_motion(first),
+        plan=_decode_motion("plan", step.plan),
+        touched=step.touched,
+        filter_ms=step.filter_ms,
+        replan_ms=step.replan_ms,
+        outcome=None if step.outcome is None else EpisodeOutcome[step.outcome.upper()],
+        change=None if step.transition is None else StateChange.from_json(step.transition),
+        recovery=None if step.recovery is None else SupervisorAction[step.recovery.upper()],
+        late=step.late,
+        gust_mps=step.gust_mps,
+        first_plan=None if step.first_plan is None else _decode_motion("first_plan", step.first_plan),
     )
+
+
+_LARGEST = 1e6
+"""Largest number of a state or an action, in its unit: no robot is so far, so fast or so strong."""
+
+
+def _require_finite(name: str, *numbers: float) -> None:
+    for index, number in enumerate(numbers):
+        if not abs(number) <= _LARGEST:
+            raise ValueError(f"{name}[{index}] is {number:g}, not a number up to {_LARGEST:g}")
+
+
+def _finite(name: str, numbers: list[float]) -> Tensor:
+    _require_finite(name, *numbers)
+    return torch.tensor(numbers, dtype=torch.float32)
 
 
 def _encode_motion(motion: Motion) -> dict[str, Any]:
@@ -93,9 +144,11 @@ def _encode_motion(motion: Motion) -> dict[str, Any]:
     }
 
 
-def _decode_motion(content: dict[str, Any]) -> Motion:
-    states = _state(torch.tensor(content["states"]).reshape(-1, 18))
-    return Motion(states, torch.tensor(content["actions"]).reshape(content["shape"]), float(content["dt"]))
+def _decode_motion(name: str, stored: _StoredMotion) -> Motion:
+    states = _state(_finite(f"{name}.states", stored.states).reshape(-1, 18))
+    if not 0 < stored.dt < math.inf or len(states.position) != stored.shape[0] + 1:
+        raise ValueError(f"{name} has {len(states.position)} states, {stored.shape[0]} actions and a dt of {stored.dt}")
+    return Motion(states, _finite(f"{name}.actions", stored.actions).reshape(stored.shape), stored.dt)
 
 
 def _picture(folder: Path, index: int) -> Tensor | None:

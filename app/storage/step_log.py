@@ -12,7 +12,7 @@ from typing import Any
 
 from filelock import BaseFileLock, FileLock, Timeout
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, first_line
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.robots import RigidState
 from nerfnav_app.places.ends import End
@@ -42,8 +42,14 @@ def read_steps(folder: Path, pictures: bool = True) -> tuple[NavigationStep, ...
     del rest  # empty, or cut off
     try:
         steps = tuple(decode_step(json.loads(line), folder if pictures else None) for line in lines)
-    except (ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise InvalidInputError(f"the log of {folder.name} is damaged: {error}") from error
+        for index, step in enumerate(steps):
+            shape = steps[0].plan.actions.shape[1:] if index else None
+            if step.index != index or (None if step.action is None else step.action.shape) != shape:
+                raise ValueError(f"line {index + 1} is no step {index} with an action of {shape}")
+            if step.plan.dt != steps[0].plan.dt or step.plan.actions.shape[1:] != steps[0].plan.actions.shape[1:]:
+                raise ValueError(f"line {index + 1} has another dt or kind of action than the first")
+    except (ValueError, KeyError, RuntimeError) as error:
+        raise InvalidInputError(f"{FILE} of {folder.name} is damaged: {first_line(error)}") from error
     if not steps:
         raise InvalidInputError(f"{folder.name} was cut off before its first step")
     return steps

@@ -92,3 +92,12 @@ def _require(numbers: Mapping[str, float | None], is_valid: Callable[[float], bo
     for name, number in numbers.items():
         if number is not None and not is_valid(number):
             raise InvalidNumberError(name, wanted, number)
+
+
+_LONGEST = 160
+
+
+def first_line(error: BaseException) -> str:
+    """Take the first line of a foreign reader's message, shortened; the exception's type where it is empty."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[0][:_LONGEST]

@@ -1,13 +1,15 @@
 """Atomic file writes: write beside the target and rename, so that no failure leaves half a file or harms the old.
 
 Before a file is read, `require_fetched` tells a pointer of Git LFS, which any ending may have, from the file itself.
+Also the one reader of npz files, which nerfnav writes for all that has arrays.
 """
 
+import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -53,3 +55,71 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> int:
     with replace_file(path) as stream:
         np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type] # none is called allow_pickle
     return path.stat().st_size
+
+
+class DamagedNpzError(ValueError):
+    """An npz file, or an array in one, that cannot be read: the message is the end of a sentence on the file."""
+
+
+class NpzArrays(Mapping[str, np.ndarray]):
+    """Arrays of an open npz file, each read when it is asked for; objects are refused."""
+
+    def __init__(self, file: np.lib.npyio.NpzFile) -> None:
+        """Read from `file`, which somebody else closes."""
+        self._file = file
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Array of that name. Raises DamagedNpzError where it is missing or cannot be read."""
+        if name not in self._file.files:
+            raise DamagedNpzError(f"it has no array {name!r}")
+        try:
+            array = self._file[name]
+        except Exception as error:  # zip, its compression and numpy's header each raise their own for damage
+            raise DamagedNpzError(f"its array {name!r} is damaged") from error
+        if not isinstance(array, np.ndarray):
+            raise DamagedNpzError(f"its entry {name!r} is no array")
+        return array
+
+    def __contains__(self, name: object) -> bool:
+        """Check for an array without reading it."""
+        return name in self._file.files
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the arrays."""
+        return iter(self._file.files)
+
+    def __len__(self) -> int:
+        """Number of arrays."""
+        return len(self._file.files)
+
+    @property
+    def size(self) -> int:
+        """Size of all arrays as they unpack [bytes]."""
+        return 0 if self._file.zip is None else sum(part.file_size for part in self._file.zip.infolist())
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """JSON object in the array `header`. Raises DamagedNpzError where there is none."""
+        array = self["header"]
+        try:
+            header = json.loads(array.item())
+        except (ValueError, TypeError, RecursionError) as error:
+            raise DamagedNpzError("its header is no JSON") from error
+        if not isinstance(header, dict):
+            raise DamagedNpzError("its header is no JSON object")
+        return header
+
+
+@contextmanager
+def open_npz(path: Path) -> Iterator[NpzArrays]:
+    """Open an npz file to read its arrays. Raises OSError where it cannot be read, DamagedNpzError where it is none."""
+    try:
+        file = np.load(path, allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as error:  # numpy raises anything for foreign data
+        raise DamagedNpzError("it is cut off, or no npz file") from error
+    if not isinstance(file, np.lib.npyio.NpzFile):
+        raise DamagedNpzError("it holds one array, not several by name")
+    with file:
+        yield NpzArrays(file)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
+import msgspec
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -154,18 +155,69 @@ def json_text(table: Table) -> str:
     return json.dumps(content, allow_nan=False) + "\n"
 
 
+_LARGEST = 1e6
+"""Largest number of a trajectory, in the unit of its column: no robot is so far, so fast or so strong."""
+_UNIT_TOLERANCE = 1e-3
+"""Tolerance of the norm of a quaternion against 1."""
+
+
+class _TableFile(msgspec.Struct):
+    """File of a table, as far as its reader needs types."""
+
+    format: str
+    version: int
+    columns: tuple[str, ...]
+    rows: list[list[float | None]]
+    dt: float
+    robot: str = ""
+    actions: tuple[str, ...] = ()
+    outcome: str | None = None
+    place: str | None = None
+    unknown: str = ""
+    robot_file: str = ""
+
+
 def table_of_json(text: str) -> Table:
-    """Read what `json_text` wrote. Raises InvalidInputError for any other text."""
+    """Read what `json_text` wrote. Raises InvalidInputError for any other text, which names the row and the column."""
     try:
         content = json.loads(text)
-        if content["format"] != FORMAT or content["version"] != VERSION:
-            raise ValueError(f"it says format {content['format']!r}, version {content['version']!r}")
-        rows = [[math.nan if value is None else float(value) for value in row] for row in content["rows"]]
-        derived = {"format", "version", "frames", "held", "units", "columns", "rows"}
-        info = {name: value for name, value in content.items() if name not in derived}
-        return Table(tuple(content["columns"]), _tensor(rows), info)
-    except (ValueError, KeyError, TypeError) as error:
+        file = msgspec.convert(content, _TableFile)
+        if (file.format, file.version) != (FORMAT, VERSION):
+            raise ValueError(f"it says format {file.format!r}, version {file.version!r}")
+        _check_file(file)
+    except (ValueError, RecursionError) as error:
         raise InvalidInputError(f"this is no {FORMAT} of version {VERSION}: {error}") from error
+    derived = {"format", "version", "frames", "held", "units", "columns", "rows"}
+    info = {name: value for name, value in content.items() if name not in derived}
+    rows = [[math.nan if value is None else value for value in row] for row in file.rows]
+    return Table(file.columns, _tensor(rows), info)
+
+
+def _check_file(file: _TableFile) -> None:
+    """Raise ValueError for rows that no motion has."""
+    missing = {"t", *STATE_COLUMNS, *file.actions}.difference(file.columns)
+    if missing or len(set(file.columns)) < len(file.columns):
+        raise ValueError(f"its columns lack {', '.join(sorted(missing)) or 'names of their own'}")
+    if not 0 < file.dt < _LARGEST:
+        raise ValueError(f"dt is a number of seconds above 0, not {file.dt:g}")
+    if len(file.rows) < 2:
+        raise ValueError(f"it has {len(file.rows)} rows, and a motion has 2 at least")
+    required = {file.columns.index(name): name for name in ("t", *STATE_COLUMNS)}
+    last = -math.inf
+    for index, row in enumerate(file.rows):
+        if len(row) != len(file.columns):
+            raise ValueError(f"rows[{index}] has {len(row)} numbers for {len(file.columns)} columns")
+        for column, value in enumerate(row):
+            if (value is None and column in required) or not abs(value or 0.0) <= _LARGEST:
+                raise ValueError(
+                    f"{file.columns[column]} in rows[{index}] is {value}, not a number up to {_LARGEST:g}"
+                )
+        state = {name: row[column] or 0.0 for column, name in required.items()}
+        if not state["t"] > last:
+            raise ValueError(f"t in rows[{index}] is {state['t']:g}, and the row before has {last:g}")
+        if not abs(math.hypot(*(state[name] for name in ("qw", "qx", "qy", "qz"))) - 1) < _UNIT_TOLERANCE:
+            raise ValueError(f"qw, qx, qy, qz in rows[{index}] are no unit quaternion")
+        last = state["t"]
 
 
 def _headings(table: Table) -> list[str]:

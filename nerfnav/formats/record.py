@@ -52,13 +52,6 @@ class KeyReport:
     unknown: tuple[str, ...] = ()
     """Keys that the format does not have."""
 
-    @classmethod
-    def of(cls, stored: Any) -> "KeyReport | None":
-        """From values in a file that `dataclasses.asdict` made; None of None."""
-        if stored is None:
-            return None
-        return cls(tuple(stored["used"]), dict(stored["ignored"]), tuple(stored["unknown"]))
-
     def merge(self, other: "KeyReport") -> "KeyReport":
         """Join the reports of two files of one capture; each key stands once."""
         return KeyReport(

@@ -25,6 +25,7 @@ from .meshes.importer import ImportedMesh as ImportedMesh
 from .meshes.importer import import_mesh as import_mesh
 from .nerf.config import NerfPytorchConfig as NerfPytorchConfig
 from .nerf.importer import load_nerf_pytorch as load_nerf_pytorch
+from .splats.containers import splats_file as splats_file
 from .splats.formats import load_splats as load_splats
 from .splats.gaussians import Splats as Splats
 from .splats.gaussians import save_splats as save_splats

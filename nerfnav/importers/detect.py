@@ -4,14 +4,10 @@ Nothing is read but names in folders and archives and the beginnings of files, s
 check that a file is complete.
 """
 
-import json
-import zipfile
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-import numpy as np
-
-from nerfnav.core.files import require_fetched
+from nerfnav.core.files import DamagedNpzError, open_npz, require_fetched
 from nerfnav.formats import PICTURES
 from nerfnav.importers.core.kinds import (
     ARCHIVES,
@@ -51,12 +47,14 @@ def _folder_kind(folder: Path) -> SourceKind:
     from nerfnav.importers.meshes.files import find_mesh
     from nerfnav.importers.nerf.checkpoint import is_checkpoint
     from nerfnav.importers.splats.formats import holds_splats
+    from nerfnav.importers.splats.sog import META, is_sog
 
     kinds: tuple[tuple[SourceKind, Callable[[Path], object]], ...] = (
         (SourceKind.FLIGHT, lambda path: (path / "run.json").is_file()),
         (SourceKind.PLAN, lambda path: (path / "plan.json").is_file()),
-        (SourceKind.SPLATS, holds_splats),
+        (SourceKind.SPLATS, lambda path: is_sog(path / META)),
         (SourceKind.CAPTURE, is_capture),
+        (SourceKind.SPLATS, holds_splats),
         (SourceKind.NERF, is_checkpoint),
         (SourceKind.MESH, find_mesh),
     )
@@ -84,7 +82,10 @@ def _file_kind(path: Path) -> SourceKind:
         return _npz_kind(path)
     if suffix in ARCHIVES:
         from nerfnav.importers.meshes.files import list_archived_meshes
+        from nerfnav.importers.splats.containers import list_splats
 
+        if list_splats(path):
+            return SourceKind.SPLATS
         return SourceKind.MESH if list_archived_meshes(path) else SourceKind.CAPTURE
     if suffix in (".ply", ".json", ".yml", ".yaml"):
         return _described_kind(path, suffix)
@@ -101,9 +102,7 @@ def _file_kind(path: Path) -> SourceKind:
 def _npz_kind(path: Path) -> SourceKind:
     """Field, unless the header has the format of a ground truth; readers of fields report broken files."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            header = json.loads(str(file["header"]))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        with open_npz(path) as file:
+            return SourceKind.TRUTH if file.header.get("format") == _TRUTH else SourceKind.FIELD
+    except (OSError, DamagedNpzError):
         return SourceKind.FIELD
-    truth = isinstance(header, dict) and header.get("format") == _TRUTH
-    return SourceKind.TRUTH if truth else SourceKind.FIELD

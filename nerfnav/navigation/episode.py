@@ -12,15 +12,13 @@ from enum import Enum
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.files import replace_file, write_npz
+from nerfnav.core.files import open_npz, replace_file, write_npz
 from nerfnav.estimator import (
     ELLIPSOID_95,
     Belief,
@@ -324,11 +322,11 @@ class Episode:
             about = json.loads((folder / "episode.json").read_text())
             if (about["format"], about["version"]) != (FORMAT, VERSION):
                 raise ValueError(f"it has format {about['format']!r}, version {about['version']!r}")
-            with np.load(folder / "episode.npz", allow_pickle=False) as stored:
-                return _unpacked({name: torch.from_numpy(stored[name]) for name in stored.files}, about)
+            with open_npz(folder / "episode.npz") as stored:
+                return _unpacked({name: torch.from_numpy(array) for name, array in stored.items()}, about)
         except FileNotFoundError as error:
             raise InvalidInputError(f"there is no episode in {folder}: {error.filename} is missing") from error
-        except (ValueError, KeyError, TypeError, OSError, BadZipFile) as error:
+        except (ValueError, LookupError, TypeError, AttributeError, RuntimeError, OSError) as error:
             raise InvalidInputError(f"{folder} holds no readable {FORMAT} of version {VERSION}: {error}") from error
 
 

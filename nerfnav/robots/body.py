@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial import QhullError
 from torch import Tensor
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, first_line
 from nerfnav.robots.body_points import MOST_POINTS, place_points, push_of
 from nerfnav.robots.state import RigidState
 from nerfnav.robots.surface import BodySurface
@@ -32,40 +33,54 @@ def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool)
 
     Raises InvalidInputError for what is no such mesh, is absurdly large, or has too many points `spacing` [m] apart.
     """
-    mesh = _checked(read_mesh(source) if isinstance(source, Path | str) else source, spacing)
-    mesh = (mesh.convex_hull if hull else mesh).copy()
+    if not spacing > 0:
+        raise InvalidInputError(f"the spacing of body points must be above 0 m, not {spacing}")
+    mesh = read_mesh(source) if isinstance(source, Path | str) else check_mesh(source)
+    check_size(float(mesh.extents.max()))
+    try:
+        mesh = (mesh.convex_hull if hull else mesh).copy()
+    except QhullError as error:
+        raise InvalidInputError("a body's mesh has no convex hull: it is flat, or a line") from error
     if not mesh.is_watertight:
         raise InvalidInputError("a body's mesh must be closed, or nothing is inside: close it, or take its hull")
     _check_count(mesh, spacing)
     mesh.apply_translation(-mesh.bounds.mean(0))
+    if mesh.volume < 0:  # its faces look inwards
+        mesh.invert()
     return mesh
 
 
 def read_mesh(path: Path | str) -> "trimesh.Trimesh":
-    """Read the mesh of a file, unchecked. Raises InvalidInputError for a file that is none."""
+    """Read the mesh of a file, of any size. Raises InvalidInputError for a file that is none, or has no triangles."""
     import trimesh
 
     try:
-        return trimesh.load_mesh(path)
+        mesh = trimesh.load_mesh(path, process=False)  # which would leave out what is not finite
     except Exception as error:  # readers raise anything for a broken file
-        raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
+        raise InvalidInputError(f"{path} cannot be read as a mesh: {first_line(error)}") from error
+    try:
+        return check_mesh(mesh).process()
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{path}: {error}") from error
 
 
-def _checked(mesh: "trimesh.Trimesh", spacing: float) -> "trimesh.Trimesh":
+def check_mesh(mesh: object) -> "trimesh.Trimesh":
+    """Check that a mesh has triangles, between finite corners. Raises InvalidInputError."""
     import trimesh
 
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InvalidInputError("a body's mesh must have triangles, and this one has none")
     if not np.isfinite(mesh.vertices).all():
         raise InvalidInputError("the corners of a body's mesh must be finite numbers")
-    size = float(mesh.extents.max())
-    if not _SMALLEST <= size <= _LARGEST:
-        raise InvalidInputError(
-            f"a body's mesh must be {_SMALLEST:g} to {_LARGEST:g} m long, not {size:g} m: is it in other units?"
-        )
-    if not spacing > 0:
-        raise InvalidInputError(f"the spacing of body points must be above 0 m, not {spacing}")
     return mesh
+
+
+def check_size(longest: float) -> None:
+    """Check the longest edge of a body [m]. Raises InvalidInputError for one that is in other units."""
+    if not _SMALLEST <= longest <= _LARGEST:
+        raise InvalidInputError(
+            f"a body must be {_SMALLEST:g} to {_LARGEST:g} m long, not {longest:g} m: is it in other units?"
+        )
 
 
 def _check_count(mesh: "trimesh.Trimesh", spacing: float) -> None:

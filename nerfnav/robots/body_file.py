@@ -11,18 +11,21 @@ which densities are taken, at most: in parts thinner than that (arms, rods, plat
 the thickness asks. A box may give their number along each edge: `points: [6, 6, 3]`. Parts are at least 1 mm thick.
 """
 
+import logging
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 import msgspec
 import numpy as np
 import torch
+from jaxtyping import Float
 
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, first_line
 from nerfnav.core.extras import import_extra
-from nerfnav.robots.body import Body, read_mesh
+from nerfnav.robots.body import Body, check_mesh, check_size, read_mesh
 from nerfnav.robots.body_points import FINEST, FOURTH, MANY, MOST_POINTS, THINNEST
 
 if TYPE_CHECKING:
@@ -66,7 +69,9 @@ def body_of(entry: BodyFile, folder: Path) -> tuple[Body, tuple[int, int, int]]:
         raise InvalidInputError(f"a body is one of {', '.join(shapes)}, and this one has {len(given)} of them")
     if entry.box is not None:
         _check_thickness("box", *entry.box)
-        counts = entry.points or _counts(entry.box, entry.spacing or _spacing_in(entry.box))
+        check_size(max(entry.box))
+        spacing = _spacing_in(entry.box) if entry.spacing is None else entry.spacing
+        counts = entry.points or _counts(entry.box, spacing)
         if min(counts) < 1 or math.prod(counts) > MOST_POINTS:
             raise InvalidInputError(
                 f"the points of a body are at least 1 along an edge and at most {MOST_POINTS}, not {counts}"
@@ -75,7 +80,7 @@ def body_of(entry: BodyFile, folder: Path) -> tuple[Body, tuple[int, int, int]]:
     if entry.points is not None:
         raise InvalidInputError("points are counted along the edges of a box: give a spacing")
     mesh, hull = _mesh_of(entry, folder)
-    spacing = entry.spacing or spacing_for(tuple(mesh.extents))
+    spacing = spacing_for(tuple(mesh.extents)) if entry.spacing is None else entry.spacing
     body = Body.from_mesh(mesh, spacing, hull=hull)
     if entry.spheres is not None:
         body = replace(body, balls=_balls(entry.spheres))
@@ -103,9 +108,15 @@ def _spacing_in(box: Vector) -> float:
 def _balls(spheres: list[tuple[float, float, float, float]]) -> torch.Tensor:
     """Collect spheres as (k, 4), around the middle of the box around them."""
     balls = np.array(spheres, float)
-    middle, radius = balls[:, :3], balls[:, 3:]
-    balls[:, :3] -= 0.5 * ((middle - radius).min(0) + (middle + radius).max(0))
+    balls[:, :3] -= 0.5 * _corners(spheres).sum(0)
     return torch.from_numpy(balls)
+
+
+def _corners(spheres: list[tuple[float, float, float, float]]) -> Float[np.ndarray, "2 3"]:
+    """Lower and upper corner of the box around spheres [m]."""
+    balls = np.array(spheres, float)
+    middle, radius = balls[:, :3], balls[:, 3:]
+    return np.stack([(middle - radius).min(0), (middle + radius).max(0)])
 
 
 def _counts(extents: Vector, spacing: float) -> tuple[int, int, int]:
@@ -120,6 +131,7 @@ def _mesh_of(entry: BodyFile, folder: Path) -> "tuple[trimesh.Trimesh, bool]":
 
     if entry.cylinder is not None:
         _check_thickness("cylinder", 2 * entry.cylinder.radius, entry.cylinder.height)
+        check_size(max(2 * entry.cylinder.radius, entry.cylinder.height))
         return trimesh.creation.cylinder(entry.cylinder.radius, entry.cylinder.height, sections=_SIDES), False
     if entry.spheres is not None:
         return _union(entry.spheres), False
@@ -136,13 +148,18 @@ def _union(spheres: list[tuple[float, float, float, float]]) -> "trimesh.Trimesh
 
     if not spheres:
         raise InvalidInputError("a body of spheres has at least one: [x, y, z, radius]")
-    balls = []
     for *middle, radius in spheres:
         _check_thickness("sphere", 2 * radius)
         _check_lengths("sphere", *(abs(number) + radius for number in middle))
+    check_size(float(np.ptp(_corners(spheres), axis=0).max()))  # before the union, which far ones have no mesh for
+    balls = []
+    for *middle, radius in spheres:
         fineness = 2 if radius <= _SMALL else 3
         balls.append(trimesh.creation.icosphere(subdivisions=fineness, radius=radius).apply_translation(middle))
     return balls[0] if len(balls) == 1 else trimesh.boolean.union(balls)
+
+
+_URDF_SHAPES = ("box", "cylinder", "sphere", "mesh")
 
 
 def _collision_geometry(path: Path) -> "trimesh.Trimesh":
@@ -151,15 +168,29 @@ def _collision_geometry(path: Path) -> "trimesh.Trimesh":
     if not path.is_file():
         raise InvalidInputError(f"there is no URDF {path}")
     try:
+        shapes = ElementTree.parse(path).findall(".//collision/geometry/*")
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise InvalidInputError(f"{path} cannot be read as a URDF: {first_line(error)}") from error
+    for shape in shapes:  # yourdfpy leaves out what it does not know or find
+        if shape.tag not in _URDF_SHAPES:
+            known = ", ".join(_URDF_SHAPES)
+            raise InvalidInputError(f"{path} has a collision geometry {shape.tag!r}; known are {known}")
+        if shape.tag == "mesh":
+            read_mesh(yourdfpy.filename_handler_magic(shape.get("filename", ""), dir=str(path.parent)))
+    logging.getLogger("yourdfpy").addHandler(logging.NullHandler())  # what it complains of is refused here
+    try:
         urdf = yourdfpy.URDF.load(str(path), build_scene_graph=False, load_meshes=False,
                                   build_collision_scene_graph=True, load_collision_meshes=True)  # fmt: skip
         scene = urdf.collision_scene
         mesh = scene.to_geometry() if scene is not None and scene.geometry else None
     except Exception as error:  # readers raise anything for a broken file
-        raise InvalidInputError(f"{path} cannot be read as a URDF: {error}") from error
+        raise InvalidInputError(f"{path} cannot be read as a URDF: {first_line(error)}") from error
     if mesh is None:
         raise InvalidInputError(f"{path} has no collision geometry: give the body as a box")
-    return mesh
+    try:
+        return check_mesh(mesh)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{path}: {error}") from error
 
 
 def _check_lengths(what: str, *lengths: float) -> None:

@@ -61,7 +61,17 @@ def _camera_of(entry: CameraFile, folder: Path) -> Camera:
         if (entry.width, entry.height) != (None, None):
             raise InvalidInputError("a camera's size is in its calibration: leave out width and height beside `file`")
         return read_camera(folder / entry.file)
-    return Camera.from_fov(entry.width or CAMERA.width, entry.height or CAMERA.height, entry.fov)
+    width = CAMERA.width if entry.width is None else entry.width
+    height = CAMERA.height if entry.height is None else entry.height
+    if max(width, height) > _MOST_PIXELS:
+        raise InvalidInputError(
+            f"a camera's picture is at most {_MOST_PIXELS} pixels wide or high, not {width} x {height}"
+        )
+    return Camera.from_fov(width, height, entry.fov)
+
+
+_MOST_PIXELS = 8192
+"""Largest width or height of a camera that is simulated."""
 
 
 Kind = Literal["quadrotor", "couch", "diffdrive", "handheld"]
@@ -99,6 +109,10 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
     """Camera of the robot; left out: 200 x 200 pixels, 90 degrees, ahead."""
 
 
+_LONGEST_REASON = 300
+"""Characters of a reader's message that are printed."""
+
+
 def read_robot(path: Path) -> Robot:
     """Read the robot of a file. Raises InvalidInputError for one that cannot be read, or is impossible."""
     entry = decode_robot_file(path)
@@ -114,8 +128,9 @@ def decode_robot_file(path: Path) -> RobotFile:
         return msgspec.yaml.decode(path.read_bytes(), type=RobotFile, strict=False)  # "1e-3" is a number, too
     except FileNotFoundError as error:
         raise InvalidInputError(f"there is no robot file {path}") from error
-    except (OSError, msgspec.MsgspecError, RecursionError) as error:
-        raise InvalidInputError(f"{path} is no robot file: {' '.join(str(error).replace('`', '').split())}") from error
+    except (OSError, ValueError, TypeError, OverflowError, RecursionError) as error:  # msgspec's and yaml's own
+        reason = " ".join(str(error).replace("`", "").split())[:_LONGEST_REASON]
+        raise InvalidInputError(f"{path} is no robot file: {reason}") from error
 
 
 def robot_of(entry: RobotFile, folder: Path) -> Robot:

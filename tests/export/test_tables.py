@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pandas
@@ -122,6 +123,30 @@ def test_what_is_no_table_is_not_read_as_csv(text: str) -> None:
 def test_what_is_no_trajectory_is_not_read_as_json(text: str) -> None:
     with pytest.raises(InvalidInputError, match="no nerfnav trajectory"):
         table_of_json(text)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda said: said["rows"][2].__setitem__(7, math.inf), r"qw in rows\[2\] is inf"),
+        (lambda said: said["rows"][2].__setitem__(1, math.nan), r"x in rows\[2\] is nan"),
+        (lambda said: said["rows"][2].__setitem__(1, -1e30), r"x in rows\[2\] is -1e\+30"),
+        (lambda said: said["rows"][2].__setitem__(1, None), r"x in rows\[2\] is None"),
+        (lambda said: said["rows"][2].__setitem__(1, "1"), r"got `str` - at `\$\.rows\[2\]\[1\]`"),
+        (lambda said: said["rows"][2].pop(), r"rows\[2\] has 17 numbers for 18 columns"),
+        (lambda said: said["rows"][2].__setitem__(0, 9.0), r"t in rows\[3\] is 0\.3"),
+        (lambda said: said["rows"][2].__setitem__(slice(7, 11), [0, 0, 0, 0]), r"rows\[2\] are no unit quaternion"),
+        (lambda said: said.__setitem__("dt", 0), "dt is a number"),
+        (lambda said: said.__setitem__("rows", []), "0 rows"),
+        (lambda said: said.__setitem__("actions", "thrust"), r"\$\.actions"),
+        (lambda said: said["columns"].__setitem__(1, "east"), "its columns lack x"),
+    ],
+)
+def test_what_is_no_motion_is_refused_with_its_place(change: Any, reason: str, motion: Motion) -> None:
+    said = json.loads(json_text(motion_table(motion, NAMES, "quadrotor")))
+    change(said)
+    with pytest.raises(InvalidInputError, match=reason):
+        table_of_json(json.dumps(said))
 
 
 def test_a_table_without_its_dt_makes_no_motion(motion: Motion) -> None:

@@ -1,5 +1,7 @@
 """Robots in files."""
 
+import math
+import re
 from pathlib import Path
 
 import pytest
@@ -142,6 +144,14 @@ def test_a_name_that_is_no_robot_is_refused_with_the_known_ones() -> None:
         (("box: [0.25, 0.25, 0.08]", "spheres: []"), "at least one"),
         (("box: [0.25, 0.25, 0.08]", "spheres: [[0, 0, .inf, 1]]"), "above 0 m"),
         (("box: [0.25, 0.25, 0.08]", "cylinder: {radius: 200, height: 100}"), "other units"),
+        (("box: [0.25, 0.25, 0.08]", "spheres: [[0, 0, 0, 0.1], [9e18, 0, 0, 0.1]]"), "5 m long, not 9e+18 m"),
+        (("box: [0.25, 0.25, 0.08]", "spheres: [[0, 0, 0, 0.1], [.nan, 0, 0, 0.1]]"), "above 0 m"),
+        (("box: [0.25, 0.25, 0.08]", "box: [1e300, 1e300, 1e300]"), "5 m long, not 1e+300 m"),
+        (("box: [0.25, 0.25, 0.08]", "box: [0.25, 0.25, 0.08], spacing: 0"), "above 0 m"),
+        (("box: [0.25, 0.25, 0.08]", "cylinder: {radius: 0.1, height: 1e30}"), "5 m long"),
+        (("0.08]}", "0.08]}\ncamera: {width: 0}"), "positive size"),
+        (("0.08]}", "0.08]}\ncamera: {width: 1000000}"), "at most 8192 pixels"),
+        (("mass: 0.7", f"mass: {'9' * 5000}"), "is no robot file"),
         (("0.08]}", "0.08]}\ncamera: {pitch: 40}"), "1.57 rad"),
         (("0.08]}", "0.08]}\ncamera: {fov: 190}"), "field of view"),
         (("0.08]}", "0.08]}\ncamera: {file: none.yaml}"), "there is no calibration"),
@@ -169,3 +179,65 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_what_a_kind_does_not_have_is_refused(tmp_path: Path, kind: str, extra: str) -> None:
     with pytest.raises(InvalidInputError, match=f"a {kind} moves without"):
         robots.load(written(tmp_path, f"name: a\nkind: {kind}\nbody: {{box: [0.3, 0.2, 0.1]}}\n{extra}\n"))
+
+
+def _body(shape: str) -> str:
+    return SCOUT.replace("{box: [0.25, 0.25, 0.08]}", shape)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "said"),
+    [
+        (None, "must have triangles"),
+        (trimesh.creation.box((0.3, 0.2, 0.1)).slice_plane((0, 0, 0), (0, 0, 1)), "must be closed"),
+        (trimesh.Trimesh([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0]], [[0, 1, 2]]), "must be closed"),
+        (trimesh.creation.box((300, 200, 100)), "5 m long, not 300 m"),
+        (trimesh.creation.box((3e-4, 2e-4, 1e-4)), "0.005 to 5 m long, not 0.0003 m"),
+        (trimesh.Trimesh([[0, 0, math.nan], [0.3, 0, 0], [0, 0.2, 0]], [[0, 1, 2]], process=False), "finite"),
+    ],
+)
+def test_a_mesh_that_is_no_body_is_refused(mesh: trimesh.Trimesh | None, said: str, tmp_path: Path) -> None:
+    if mesh is None:
+        (tmp_path / "hull.stl").write_bytes(b"")
+    else:
+        mesh.export(tmp_path / "hull.stl")
+    with pytest.raises(InvalidInputError, match=said):
+        robots.load(written(tmp_path, _body("{mesh: hull.stl}")))
+    if said != "must be closed":  # a hull closes it
+        mesh_of_urdf = '<collision><geometry><mesh filename="hull.stl"/></geometry></collision>'
+        (tmp_path / "bot.urdf").write_text(f'<robot name="bot"><link name="base">{mesh_of_urdf}</link></robot>')
+        with pytest.raises(InvalidInputError, match=said):
+            robots.load(written(tmp_path, _body("{urdf: bot.urdf}")))
+
+
+def test_a_flat_mesh_has_no_hull(tmp_path: Path) -> None:
+    trimesh.Trimesh([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0]], [[0, 1, 2]]).export(tmp_path / "hull.stl")
+    with pytest.raises(InvalidInputError, match="no convex hull"):
+        robots.load(written(tmp_path, _body("{mesh: hull.stl, hull: true}")))
+
+
+@pytest.mark.parametrize(
+    ("geometry", "said"),
+    [
+        ('<mesh filename="package://bot/gone.stl"/>', "gone.stl cannot be read as a mesh"),
+        ('<capsule radius="1" length="2"/>', "'capsule'; known are box, cylinder, sphere, mesh"),
+        ('<box size="nan 1 1"/>', "bot.urdf"),
+        ('<box size="1 1"', "bot.urdf cannot be read as a URDF"),
+    ],
+)
+def test_a_urdf_of_which_a_part_would_be_left_out_is_refused(geometry: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "bot.urdf").write_text(
+        '<robot name="bot"><link name="base"><collision><geometry><box size="0.4 0.3 0.2"/></geometry></collision>'
+        f'</link><link name="mast"><collision><geometry>{geometry}</geometry></collision></link><joint name="up" '
+        'type="fixed"><parent link="base"/><child link="mast"/></joint></robot>'
+    )
+    with pytest.raises(InvalidInputError, match=re.escape(said)):
+        robots.load(written(tmp_path, _body("{urdf: bot.urdf}")))
+
+
+def test_a_mesh_whose_faces_look_inwards_is_turned_outwards(tmp_path: Path) -> None:
+    inverted = trimesh.creation.box((0.3, 0.2, 0.1))
+    inverted.invert()
+    inverted.export(tmp_path / "hull.ply")
+    robot = robots.load(written(tmp_path, _body("{mesh: hull.ply, spacing: 0.05}")))
+    assert robot.body.solid is not None and robot.body.solid.volume == pytest.approx(0.006)

@@ -52,7 +52,12 @@ def run(request: ExportRequest) -> JobEvents:
     if form.shows_place and made.steps:
         yield Progress("shaping the surface of the place", 0.2)
         made = made.with_surface(_surface(folder))
-    exported = form.exported(made, request.force, request.smooth)
+    try:
+        exported = form.exported(made, request.force, request.smooth)
+    except ExportRefusedError:
+        raise
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{folder} cannot be exported: {error}") from error
     write_bytes(out, exported.content)
     summary = {
         "format": request.format,

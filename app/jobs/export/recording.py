@@ -43,7 +43,10 @@ def read_run(folder: Path, subject: Subject = Subject.EXECUTED) -> Recording:
         return recording.with_outcome(known) if subject is Subject.PLAN else recording
     path = folder / TRAJECTORY
     try:
-        table = table_of_json(path.read_text())
+        try:
+            table = table_of_json(path.read_text())
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{path} cannot be used: {error}") from error
         name = str(table.info.get("robot_file") or table.info.get("robot", ""))
         robot = robots.load(name) if robots.is_known(name) else None
         return Recording(table) if robot is None else Recording(table, extents=robot.body.extents, robot=robot)

@@ -21,6 +21,7 @@ from nerfnav.importers import (
     place_splats,
     save_splats,
     source_kind,
+    splats_file,
     splats_path,
     voxelize,
     warn_implausible_size,
@@ -38,7 +39,7 @@ class ImportOptions:
     """Source, file and options of an import. The command line reads them as they are."""
 
     source: Positional[Path]
-    """Checkpoint, folder with one, or splats: a file, or the folder of a SOG's meta.json."""
+    """Checkpoint, folder with one, or splats: a file, the folder of a SOG's meta.json or of a training, or a .zip."""
     out: Path
     """File for the field; splats themselves are kept beside it."""
     keep_network: bool = False
@@ -63,7 +64,7 @@ class ImportRequest(ImportOptions):
 def import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
-    stands = place_splats(read, place, request.source)
+    stands = place_splats(read, place, Path(splats_file(request.source)))
     splats = read.to_world(rotation_to_z(np.array(stands.up)), stands.scale)
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)

@@ -1,7 +1,10 @@
 """Field metadata: the origin of a field, and measures of how good it is."""
 
-from dataclasses import dataclass, fields
+import math
+from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from nerfnav.formats import KeyReport
 
@@ -75,10 +78,17 @@ class FieldInfo:
 
     @classmethod
     def of(cls, stored: dict[str, Any]) -> "FieldInfo":
-        """From names and values in a file; names that this version does not know are left out."""
-        names = {field.name for field in fields(cls)}
-        known = {name: value for name, value in stored.items() if name in names}
-        # files have lists
-        keys = known.pop("input_keys", None)
-        listed = {name: tuple(known.get(name, ())) for name in ("guesses", "camera", "placed", "views", "pose_floor")}
-        return cls(**{**known, **listed}, input_keys=KeyReport.of(keys))
+        """From names and values in a file; names that this version does not know are left out.
+
+        Raises ValueError for a value of another type, and for lists of numbers of other lengths or not finite.
+        """
+        info = msgspec.convert(stored, cls)
+        for name, count in _COUNTS.items():
+            numbers: tuple[float, ...] = getattr(info, name)
+            if len(numbers) % count or not all(map(math.isfinite, numbers)):
+                raise ValueError(f"its entry {name!r} has {len(numbers)} numbers, not {count} finite ones each")
+        return info
+
+
+_COUNTS = {"camera": 1, "placed": 13, "views": 7, "pose_floor": 36}
+"""Lists of finite numbers, and the count of one entry of each."""

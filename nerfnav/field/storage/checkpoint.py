@@ -4,13 +4,12 @@ A kind of field has a FieldCodec; `register` adds one from outside.
 """
 
 import json
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from nerfnav.core.errors import FieldFileError, InvalidInputError
-from nerfnav.core.files import write_npz
+from nerfnav.core.errors import FieldFileError, InvalidInputError, first_line
+from nerfnav.core.files import NpzArrays, open_npz, write_npz
 from nerfnav.core.memory import require_memory
 from nerfnav.core.registry import Registry
 from nerfnav.field.core.codec import FieldCodec, StoredField
@@ -44,29 +43,28 @@ def load_field(path: Path) -> StoredField:
     if not path.is_file():
         raise FieldFileError(f"there is no field file {path}; make one with nerfnav train")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            header = json.loads(str(file["header"]))
-            codec = CODECS.get(header.get("format"))
+        with open_npz(path) as file:
+            header = file.header
+            codec = CODECS.get(str(header.get("format")))
             if codec is None:
                 raise FieldFileError(f"{path} is not a nerfnav field; make one with nerfnav train")
             if header["version"] > codec.version:
                 raise FieldFileError(f"{path} was written by a newer nerfnav; update nerfnav to read it")
             _require_room(path, file)
             return codec.decode(header, file)
-    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError, TypeError, RuntimeError) as error:
+    except (ValueError, LookupError, AttributeError, TypeError, RuntimeError, ArithmeticError, MemoryError) as error:
+        reason = f"it has no {error}" if isinstance(error, KeyError) else first_line(error)
         raise FieldFileError(
-            f"{path} is not a whole nerfnav field (truncated, or another kind of file); "
-            f"make one with nerfnav train"
+            f"{path} is not a whole nerfnav field, but damaged, cut off or another kind of file ({reason}); "
+            "make one with nerfnav train"
         ) from error
     except OSError as error:
         raise FieldFileError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
-def _require_room(path: Path, file: np.lib.npyio.NpzFile) -> None:
-    assert file.zip is not None, "a file that is open"
-    size = sum(part.file_size for part in file.zip.infolist())
-    growth = _GROWTH if size < 5 * MOST_DENSE_NODES else _GROWTH_IN_BRICKS
-    require_memory(growth * size, f"the field {path.name}", "make one with larger voxels (--voxel)")
+def _require_room(path: Path, file: NpzArrays) -> None:
+    growth = _GROWTH if file.size < 5 * MOST_DENSE_NODES else _GROWTH_IN_BRICKS
+    require_memory(growth * file.size, f"the field {path.name}", "make one with larger voxels (--voxel)")
 
 
 def _codec_of(field: StoredField) -> FieldCodec:

@@ -15,7 +15,14 @@ from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.models.bricks import CELLS, NODES, BrickField, Slab, build_bricks
 from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.storage.array_encoding import decode_box, decode_occupancy, decode_surroundings, dequantise, quantise
+from nerfnav.field.storage.array_encoding import (
+    check_numbers,
+    decode_box,
+    decode_occupancy,
+    decode_surroundings,
+    dequantise,
+    quantise,
+)
 from nerfnav.geometry import dilate_nodes
 
 MOST_DENSE_NODES = 60_000_000
@@ -36,7 +43,9 @@ def decode_voxels(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> 
     A grid of very many nodes comes as bricks: most of it is empty, and all of it would fill the memory.
     """
     raw, color = file["raw"], file["color"]
-    background, info = torch.from_numpy(file["background"]), FieldInfo.of(header["info"])
+    if raw.ndim != 3 or min(raw.shape) < 2:
+        raise ValueError(f"its grid of {raw.shape} has fewer than 2 nodes along an axis")
+    background, info = check_numbers("background", file["background"], (3,)), FieldInfo.of(header["info"])
     box, outside = decode_box(file["box"]), decode_surroundings(file)
     if raw.size > MOST_DENSE_NODES and "unknown" not in file:
         states = decode_occupancy(file, raw.shape)
@@ -67,12 +76,12 @@ def decode_bricks(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> 
     whole = slots.dtype == np.int32 and raw.shape[1:] == (NODES, NODES, NODES) and min(counts) >= 2
     if not whole or slots.shape != tuple(-(-count // CELLS) for count in counts):
         raise ValueError("bricks of another kind or number")
-    if slots.min() < 0 or slots.max() >= len(raw):
+    if slots.min() < 0 or slots.max() >= len(raw):  # so there is at least one brick
         raise ValueError("a block without its brick")
     return BrickField(
         decode_box(file["box"]),
         dequantise(raw, file["color"], axes=4),
-        torch.from_numpy(file["background"]),
+        check_numbers("background", file["background"], (3,)),
         FieldInfo.of(header["info"]),
         decode_surroundings(file),
         decode_occupancy(file, raw.shape),

@@ -4,14 +4,16 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+import msgspec
 import numpy as np
 import torch
 
 from nerfnav.field.core.codec import Encoded, FieldCodec
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.models.mlp import Encoding, MlpConfig, RadianceMlp
-from nerfnav.field.models.neural import Activation, NeuralConfig, NeuralField
-from nerfnav.geometry import Box, Pose
+from nerfnav.field.models.mlp import MlpConfig, RadianceMlp
+from nerfnav.field.models.neural import NeuralConfig, NeuralField
+from nerfnav.field.storage.array_encoding import check_numbers, decode_box
+from nerfnav.geometry import Pose
 
 
 def encode(field: NeuralField) -> Encoded:
@@ -34,17 +36,15 @@ def encode(field: NeuralField) -> Encoded:
 
 def decode(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> NeuralField:
     """Decode a neural field (see FieldCodec)."""
-    box, rotation = torch.from_numpy(file["box"]), torch.from_numpy(file["rotation"])
-    if box.shape != (2, 3) or rotation.shape != (3, 3) or not bool((box[1] > box[0]).all()):
-        raise ValueError("arrays of wrong shape, or an empty box")
+    rotation, position = check_numbers("rotation", file["rotation"], (3, 3)), file["position"]
     networks = {name: _network(file, name, shape) for name, shape in header["networks"].items()}
-    config = NeuralConfig(**{**header["config"], "activation": Activation(header["config"]["activation"])})
+    config = msgspec.convert(header["config"], NeuralConfig)
     return NeuralField(
-        Box(box[0], box[1]),
+        decode_box(file["box"]),
         networks["coarse"],
         networks["fine"],
-        torch.from_numpy(file["background"]),
-        Pose(rotation, torch.from_numpy(file["position"])),
+        check_numbers("background", file["background"], (3,)),
+        Pose(rotation, check_numbers("position", position, (3,))),
         config,
         FieldInfo.of(header["info"]),
     )
@@ -55,15 +55,16 @@ def _networks(field: NeuralField) -> tuple[tuple[str, RadianceMlp], ...]:
 
 
 def _network(file: Mapping[str, np.ndarray], name: str, shape: dict[str, Any]) -> RadianceMlp:
-    direction = shape["direction"]
-    network = RadianceMlp(MlpConfig(**{
-        **shape,
-        "skips": tuple(shape["skips"]),
-        "view_widths": tuple(shape["view_widths"]),
-        "position": Encoding(**shape["position"]),
-        "direction": None if direction is None else Encoding(**direction),
-    }))
-    network.load_state_dict({key: torch.from_numpy(file[f"{name}.{key}"]) for key in network.state_dict()})
+    config = msgspec.convert(shape, MlpConfig)
+    if not 1 <= config.depth <= len(file):
+        raise ValueError(f"its network {name!r} has a depth of {config.depth}, and there are {len(file)} arrays")
+    with torch.device("meta"):  # no memory for numbers that a damaged header alone promises
+        network = RadianceMlp(config)
+    weights = {
+        key: check_numbers(f"{name}.{key}", file[f"{name}.{key}"], tuple(wanted.shape))
+        for key, wanted in network.state_dict().items()
+    }
+    network.load_state_dict(weights, assign=True)
     return network.requires_grad_(False)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.kinds import identify_data, read_head
 from nerfnav.importers.core.progress import ImportStep
+from nerfnav.importers.core.stored_picture import open_video
 
 _JUDGED_PIXELS = 250_000
 _LONGEST = 1920
@@ -59,7 +60,7 @@ def pick_frames(video: Path, folder: Path, config: VideoConfig | None = None) ->
     Raises CaptureError where the file is no video, ends in the middle, or is too short.
     """
     config = config or VideoConfig()
-    reader = cv2.VideoCapture(str(video))
+    reader = open_video(video)
     try:
         count = int(reader.get(cv2.CAP_PROP_FRAME_COUNT)) if reader.isOpened() else 0
         if count <= 0:

@@ -6,6 +6,7 @@ The message for a wrong kind names the kind and the command that takes it.
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.core.errors import first_line as first_line
 from nerfnav.formats import PICTURES, list_folder
 from nerfnav.importers.core.kinds import (
     FIELD,
@@ -54,14 +55,5 @@ def _advice(path: Path, kind: SourceKind) -> str:
     }.get(kind, f"`nerfnav open {path}` shows it")
 
 
-_LONGEST = 160
-
-
 class MeshFileError(NerfnavError):
     """A file that is no mesh that can be worked with."""
-
-
-def first_line(error: BaseException) -> str:
-    """First line of a reader's message, shortened; the exception's type where it is empty."""
-    lines = str(error).strip().splitlines() or [type(error).__name__]
-    return lines[0][:_LONGEST]

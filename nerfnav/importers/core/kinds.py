@@ -3,8 +3,9 @@
 Light on purpose: naming an ending or a kind imports none of the readers.
 """
 
+from collections.abc import Iterable
 from enum import Enum
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from nerfnav.core.files import LFS_POINTER, NOT_FETCHED
 
@@ -57,6 +58,17 @@ def folder_of_source(source: Path) -> Path | None:
     if source.is_dir():
         return source
     return source.parent if source.name.lower() in _DESCRIPTIONS else None
+
+
+_OF_CAPTURES = ("transforms", "cameras.", "images.", "keyframes", "frame_0", "rgbd", "metadata")
+"""Beginnings of file and folder names that only captures have; theirs may hold a mesh or splats, too."""
+_OF_SPLATS = "cameras.json"
+"""File that the training of splats leaves beside them."""
+
+
+def names_capture(names: Iterable[PurePath]) -> bool:
+    """True for names of files, in an archive, of which one is that of a capture."""
+    return any(part.startswith(_OF_CAPTURES) and part != _OF_SPLATS for name in names for part in name.parts)
 
 
 def field_name(what: str | Path) -> str:

@@ -17,6 +17,7 @@ from nerfnav.importers.captures.archive import list_names
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.errors import MeshFileError, first_line
 from nerfnav.importers.core.kinds import MESHES as SUFFIXES
+from nerfnav.importers.core.kinds import names_capture
 from nerfnav.importers.meshes.dae import read_dae
 from nerfnav.importers.meshes.gltf import read_gltf
 from nerfnav.importers.meshes.obj import read_obj
@@ -118,8 +119,6 @@ def read_mesh(path: Path) -> MeshFile:
 
 
 AnyPath = TypeVar("AnyPath", bound=PurePath)
-_OF_CAPTURES = ("transforms", "cameras.", "images.", "keyframes", "frame_0", "rgbd", "metadata")
-"""Beginnings of file and folder names that only captures have; theirs may hold a mesh too."""
 _SECOND_RATE = (".stl", ".ply")
 """Formats without pictures, which models have beside others for collisions."""
 
@@ -130,7 +129,7 @@ def list_archived_meshes(archive: Path) -> list[str]:
         names = list_names(archive)
     except (CaptureError, OSError):
         return []
-    if any(part.startswith(_OF_CAPTURES) for name in names for part in PurePosixPath(name).parts):
+    if names_capture(map(PurePosixPath, names)):
         return []
     return [name for name in names if PurePosixPath(name).suffix.lower() in SUFFIXES]
 

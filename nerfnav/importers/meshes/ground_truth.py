@@ -5,7 +5,6 @@ npz without pickle; textures are PNG inside. The field's file names it, relative
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import torch
 import trimesh
 
 from nerfnav.core.errors import FieldFileError
-from nerfnav.core.files import replace_file
+from nerfnav.core.files import NpzArrays, open_npz, replace_file
 from nerfnav.geometry import Box, encode_image
 from nerfnav.world import Image, Paint, Scene, Vantage
 
@@ -53,7 +52,7 @@ def arrays_of(scene: Scene) -> dict[str, np.ndarray]:
     }
 
 
-def scene_of(file: np.lib.npyio.NpzFile, header: dict[str, Any]) -> Scene:
+def scene_of(file: NpzArrays, header: dict[str, Any]) -> Scene:
     images = tuple(_picture(file[f"image_{index}"]) for index in range(header["images"]))
     red, green, blue = header["sky"]
     return Scene(
@@ -80,7 +79,7 @@ def _packed(name: str, meshes: Sequence[trimesh.Trimesh]) -> dict[str, np.ndarra
     }
 
 
-def _unpacked(name: str, file: np.lib.npyio.NpzFile) -> list[trimesh.Trimesh]:
+def _unpacked(name: str, file: NpzArrays) -> list[trimesh.Trimesh]:
     ends = np.cumsum(file[f"{name}_counts"], axis=0)[:-1]
     vertices = np.split(file[f"{name}_vertices"], ends[:, 0]) if len(file[f"{name}_counts"]) else []
     faces = np.split(file[f"{name}_faces"], ends[:, 1])
@@ -134,12 +133,12 @@ def load_truth(path: Path, sha256: str) -> Scene:
                 f"{path} is not the ground truth that its field was trained from: put the right one there, or train "
                 "again; without any, plans are not judged"
             )
-        with np.load(path, allow_pickle=False) as file:
-            header = json.loads(str(file["header"]))
+        with open_npz(path) as file:
+            header = file.header
             if header.get("format") != FORMAT or header["version"] > VERSION:
                 raise FieldFileError(f"{path} is no ground truth that this nerfnav can read: train the field again")
             return scene_of(file, header)
-    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, TypeError) as error:
+    except (ValueError, LookupError, TypeError, ArithmeticError, MemoryError, cv2.error) as error:
         raise FieldFileError(f"{path} is no whole ground truth: train the field again") from error
     except OSError as error:
         raise FieldFileError(f"the ground truth {path} cannot be read: {error.strerror}") from error

@@ -8,7 +8,6 @@ File formats store unit quaternions without their largest part ("smallest three"
 1 / sqrt(2) of zero.
 """
 
-import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import torch
 from jaxtyping import Float, Int
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.files import write_npz
+from nerfnav.core.files import open_npz, write_npz
 from nerfnav.geometry import so3
 from nerfnav.importers.core.kinds import OWN_SPLATS
 
@@ -115,12 +114,15 @@ def save_splats(splats: Splats, path: Path) -> Path:
 def load_saved_splats(path: Path) -> Splats:
     """Read a file that `save_splats` wrote. Raises InvalidInputError for anything else."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open_npz(path) as file:
             centers, upper, rgbs, opacities = (file[name] for name in ("centers", "covariances", "rgbs", "opacities"))
         count = len(centers)
         if (centers.shape, upper.shape, rgbs.shape, opacities.shape) != ((count, 3), (count, 6), (count, 3), (count,)):
             raise ValueError("arrays of wrong shape")
-    except (OSError, zipfile.BadZipFile, ValueError, KeyError, EOFError) as error:
+        numbers = centers.dtype.kind + upper.dtype.kind + rgbs.dtype.str + opacities.dtype.str
+        if numbers != "ff|u1|u1" or not (np.isfinite(centers).all() and np.isfinite(upper).all()):
+            raise ValueError("arrays of wrong types, or not finite")
+    except (OSError, ValueError) as error:
         raise InvalidInputError(f"{path} is not a whole file of splats that nerfnav wrote") from error
     covariances = make_positive(upper[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(count, 3, 3))
     share = np.float32(1 / 255)
@@ -191,7 +193,7 @@ def _core(along: np.ndarray, masses: np.ndarray) -> tuple[float, float]:
         return float(share[index - 1]) if index else 0.0
 
     low, high = (float(along[min(np.searchsorted(share, end), len(along) - 1)]) for end in _CORE)
-    while (slab := _SLAB * (high - low)) > 0:
+    while low + (slab := _SLAB * (high - low)) > low and high - slab < high:  # until rounding leaves nothing to cut
         if held(low + slab) - held(low) < _HARDLY:
             low += slab
         elif held(high) - held(high - slab) < _HARDLY:

@@ -34,8 +34,16 @@ Read = Callable[[str], bytes]
 def is_sog(meta: Path) -> bool:
     """True for a meta.json of splats: other programs have files of this name, too."""
     try:
-        content = json.loads(meta.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return is_sog_meta(meta.read_bytes())
+    except OSError:
+        return False
+
+
+def is_sog_meta(content: bytes) -> bool:
+    """True for the content of a meta.json of splats."""
+    try:
+        content = json.loads(content)
+    except (ValueError, RecursionError):
         return False
     return isinstance(content, dict) and all(isinstance(content.get(name), dict) for name in _PLANES)
 
@@ -53,7 +61,7 @@ def read_sog(path: Path) -> Splats:
         if head[:4] == b"PK\x03\x04":
             raise InvalidInputError(f"{path} is truncated: it is a zip archive whose end is missing")
         raise InvalidInputError(describe_mismatch(path, ".sog file of splats", head))
-    with zipfile.ZipFile(path) as archive:
+    with _opened(path) as archive:
         names = {entry.filename: entry for entry in archive.infolist()}
         found = min((name for name in names if PurePosixPath(name).name == META), key=len, default=None)
         if found is None:
@@ -68,10 +76,17 @@ def read_sog(path: Path) -> Splats:
                 raise InvalidInputError(f"{path} holds {name} of {entry.file_size >> 20} MB, which no splats need")
             try:
                 return archive.read(entry)
-            except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+            except Exception as error:  # zipfile and its compressions raise anything for damage
                 raise InvalidInputError(f"{path} is damaged: {name} in it cannot be unpacked") from error
 
         return _decoded(path, inside, META)
+
+
+def _opened(path: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(path)
+    except Exception as error:  # zipfile raises anything for damage
+        raise InvalidInputError(f"{path} is damaged: its zip archive cannot be read") from error
 
 
 def _beside(meta: Path, name: str) -> bytes:

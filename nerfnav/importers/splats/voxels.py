@@ -60,12 +60,14 @@ def voxelize(splats: Splats, config: VoxelizeConfig | None = None, source: str =
     config = VoxelizeConfig() if config is None else config
     box = _box_of(splats, config) if config.box is None else config.box
     if not bool((box.size > 0).all()):
-        raise InvalidInputError(f"the box {box.describe()} is empty: its upper corner must lie beyond its lower one")
+        raise InvalidInputError(
+            f"{source or 'the field'}: the box {box.describe()} is empty: its upper corner must lie beyond the lower"
+        )
     voxel = _voxel_for(box) if config.voxel is None else config.voxel
     if not voxel > 0 or box.size.double().prod().item() / voxel**3 > MOST_NODES:
         raise InvalidInputError(
-            f"voxels of {voxel:g} m in a box of {box.describe()} are impossible or more than {MOST_NODES}: "
-            "choose larger ones"
+            f"{source or 'the field'}: voxels of {voxel:g} m in a box of {box.describe()} are impossible or more than "
+            f"{MOST_NODES}: choose larger ones"
         )
     shape = shape_for(box, voxel)
     density, color = np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32)

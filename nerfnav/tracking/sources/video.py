@@ -10,6 +10,7 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.importers.core.kinds import VIDEOS
+from nerfnav.importers.core.stored_picture import open_video
 from nerfnav.tracking.frame import Frame, ImuMeasurements
 from nerfnav.tracking.sources.pictures import require_later
 
@@ -35,7 +36,7 @@ class VideoSource:
     @classmethod
     def of(cls, path: Path, fps: float | None = None) -> "VideoSource":
         """A video. Raises InvalidInputError where it cannot be read as one."""
-        reader = cv2.VideoCapture(str(path))
+        reader = open_video(path)
         count = int(reader.get(cv2.CAP_PROP_FRAME_COUNT)) if reader.isOpened() else -1
         readable = reader.isOpened() and reader.grab()
         reader.release()
@@ -45,7 +46,7 @@ class VideoSource:
 
     def frames(self) -> Iterator[Frame]:
         """See FrameSource; raises InvalidInputError at the end of a video that ends early."""
-        reader, index, last = cv2.VideoCapture(str(self.path)), 0, None
+        reader, index, last = open_video(self.path), 0, None
         try:
             while True:
                 read, pixels = reader.read()

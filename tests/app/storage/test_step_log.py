@@ -1,6 +1,7 @@
 """What is written while a robot flies can be read whatever happens."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +188,41 @@ def test_a_full_disk_is_told_without_saying_where_it_is(tmp_path: Path, monkeypa
     with pytest.raises(OutputError, match="cannot be written into run: No space left on device"):
         log.append(flown()[1])
     log.close()
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "reason"),
+    [
+        (("truth", 3), math.inf, r"truth\[3\] is inf"),
+        (("plan", "actions", 2), math.nan, r"plan\.actions\[2\] is nan"),
+        (("time",), 1e300, r"time\[0\] is 1e\+300"),
+        (("plan", "dt"), 0, "a dt of 0"),
+        (("index",), 7, "line 3 is no step 2"),
+        (("outcome",), 5, r"\$\.outcome"),
+        (("belief",), {}, r"\$\.belief"),
+        (("action",), [1.0], "line 3 is no step 2 with an action"),
+    ],
+)
+def test_a_damaged_step_is_refused_with_its_place(
+    place: tuple[str | int, ...], value: object, reason: str, tmp_path: Path
+) -> None:
+    written(tmp_path)
+    lines = (tmp_path / log_module.FILE).read_text().splitlines(keepends=True)
+    said = part = json.loads(lines[2])
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    (tmp_path / log_module.FILE).write_text("".join([*lines[:2], json.dumps(said) + "\n", *lines[3:]]))
+    with pytest.raises(InvalidInputError, match=reason):
+        read_steps(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("dt", math.nan), ("robot", 5), ("ends", []), ("metrics", None), ("requests", [1])]
+)
+def test_damaged_metadata_are_refused(key: str, value: object, tmp_path: Path) -> None:
+    about().save(tmp_path)
+    said = json.loads((tmp_path / "run.json").read_text())
+    (tmp_path / "run.json").write_text(json.dumps(said | {key: value}))
+    with pytest.raises(InvalidInputError, match=r"run\.json of .* is no readable nerfnav run"):
+        RunMetadata.load(tmp_path)

@@ -1,6 +1,7 @@
 """Field files: what is written comes back; what is not a field is refused in one sentence."""
 
 import io
+import json
 import pickle
 from dataclasses import replace
 from pathlib import Path
@@ -77,3 +78,50 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
         save_field(random_voxels(seed=1), path)
     assert path.read_bytes() == before
     assert [item.name for item in tmp_path.iterdir()] == ["field.npz"]
+
+
+@pytest.mark.parametrize(
+    ("name", "damaged"),
+    [
+        ("box", np.array([[0.0, 0, 0], [1, 1, np.inf]], np.float32)),
+        ("box", np.array([[0.0, 0, 0], [1, 1, 1e9]], np.float32)),
+        ("box", np.array([["a"] * 3] * 2)),
+        ("box", np.zeros((3, 2), np.float32)),
+        ("background", np.array([np.nan, 0, 0], np.float32)),
+        ("background", np.zeros(4, np.float32)),
+        ("raw", np.zeros((0, 3, 3), np.uint8)),
+        ("raw", np.zeros((3, 3, 3), np.float64)),
+        ("color", np.zeros(3, np.uint8)),
+        ("raw", np.array([{"a": 1}], object)),
+    ],
+)
+def test_a_damaged_array_is_refused_in_one_sentence(tmp_path: Path, name: str, damaged: np.ndarray) -> None:
+    save_field(random_voxels(), tmp_path / "bad.npz")
+    with np.load(tmp_path / "bad.npz") as file:
+        arrays = dict(file)
+    np.savez(tmp_path / "bad.npz", **(arrays | {name: damaged}))  # type: ignore[arg-type]
+    with pytest.raises(FieldFileError, match=r"bad\.npz is not a whole nerfnav field") as error:
+        load_field(tmp_path / "bad.npz")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("source", 5),
+        ("psnr_db", "good"),
+        ("camera", 3),
+        ("views", [1.0, 2.0]),
+        ("placed", [float("nan")] * 13),
+        ("guesses", [1]),
+    ],
+)
+def test_a_wrong_value_of_the_header_is_refused(tmp_path: Path, name: str, value: object) -> None:
+    save_field(random_voxels(), tmp_path / "bad.npz")
+    with np.load(tmp_path / "bad.npz") as file:
+        arrays = dict(file)
+    header = json.loads(str(arrays["header"]))
+    header["info"][name] = value
+    np.savez(tmp_path / "bad.npz", **(arrays | {"header": np.array(json.dumps(header))}))  # type: ignore[arg-type]
+    with pytest.raises(FieldFileError, match=name):
+        load_field(tmp_path / "bad.npz")
