@@ -21,16 +21,19 @@ _UNSAID = ("", "None", "False")
 def format_help(parser: ArgumentParser, command: str, complete: bool = False) -> str:
     """Format the help of a subcommand; `complete` for every option with its whole description.
 
-    Else descriptions end with their first sentence, and settings are left out where they do not fit.
+    Else descriptions end with their first sentence, and the last groups of options are left out where they do not fit.
     """
-    lines = _lines(parser, command, complete, settings=True)
-    if not complete and len(lines) > MOST_LINES:
-        lines = _lines(parser, command, complete, settings=False)
+    groups = len(parser._action_groups)
+    lines = _lines(parser, command, complete, groups)
+    while not complete and groups and len(lines) > MOST_LINES:
+        groups -= 1
+        lines = _lines(parser, command, complete, groups)
     return "\n".join(lines)
 
 
-def _lines(parser: ArgumentParser, command: str, complete: bool, settings: bool) -> list[str]:
-    positional, own, *groups = parser._action_groups  # argparse has no public list of them
+def _lines(parser: ArgumentParser, command: str, complete: bool, groups: int) -> list[str]:
+    """Lines of the help with the first `groups` of options besides the command's own."""
+    positional, own, *others = parser._action_groups  # argparse has no public list of them
     arguments = positional._group_actions
     options = sorted((each for each in own._group_actions if each.dest != "help"), key=lambda each: each.dest == "json")
     sections = [
@@ -38,7 +41,7 @@ def _lines(parser: ArgumentParser, command: str, complete: bool, settings: bool)
         ("options", "", [each for each in options if "." not in each.dest]),
         ("settings", "", [each for each in options if "." in each.dest]),
         *(((group.title or "").removesuffix(" options"), group.description or "", group._group_actions)
-          for group in groups),
+          for group in others),
     ]  # fmt: skip
     required = [_name(action) for action in (*arguments, *options) if action.required or action in arguments]
     lines = [" ".join([f"usage: nerfnav {command}", *required, "[OPTIONS]"])]
@@ -47,12 +50,11 @@ def _lines(parser: ArgumentParser, command: str, complete: bool, settings: bool)
             lines += textwrap.wrap(paragraph.strip("\n"), WIDTH, subsequent_indent=" " * (_COLUMN + 2))
         else:
             lines += ["", *textwrap.wrap(paragraph, WIDTH)]
-    for title, about, actions in sections if settings else sections[:2]:
+    for title, about, actions in sections[: 2 + groups]:
         if actions:
             heading = f"{title}: {about}" if complete and about else f"{title}:"
             lines += ["", *textwrap.wrap(heading, WIDTH), *_described(actions, complete)]
-    if not settings:
-        count = sum(len(actions) for _, _, actions in sections[2:])
+    if count := sum(len(actions) for _, _, actions in sections[2 + groups :]):
         lines += ["", f"{count} more options: nerfnav {command} {ALL}"]
     return lines
 

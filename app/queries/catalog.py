@@ -4,6 +4,7 @@ from typing import Any
 
 from nerfnav.core.errors import UnknownNameError
 from nerfnav_app.queries import (
+    better_field,
     clearance,
     click_landing,
     density_slice,
@@ -42,6 +43,7 @@ _KINDS: list[type[Query[Any]]] = [
     robot_view.RobotViewQuery,
     clearance.ClearanceQuery,
     experiments.ExperimentsQuery,
+    better_field.BetterFieldQuery,
     surface_texture.SurfaceTextureQuery,
 ]
 

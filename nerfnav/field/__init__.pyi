@@ -13,6 +13,8 @@ from .edit.bake import BakeConfig as BakeConfig
 from .edit.bake import EditStep as EditStep
 from .edit.crop import crop_field as crop_field
 from .edit.crop import intersect_boxes as intersect_boxes
+from .edit.mesh_bake import MeshSurface as MeshSurface
+from .edit.mesh_bake import bake_mesh as bake_mesh
 from .edit.move import move_field as move_field
 from .models.analytic import BallsField as BallsField
 from .models.grid_field import GridField as GridField
@@ -40,7 +42,9 @@ from .storage.checkpoint import save_field as save_field
 from .surface.mesh import field_mesh as field_mesh
 from .surface.mesh import surface_points as surface_points
 from .surface.open_rooms import open_rooms as open_rooms
+from .train.colors import train_colors as train_colors
 from .train.config import TrainConfig as TrainConfig
+from .train.evaluation import calibrate_noise as calibrate_noise
 from .train.grid_learner import GridLearner as GridLearner
 from .train.grid_learner import LearningRates as LearningRates
 from .train.neural import NeuralTrainConfig as NeuralTrainConfig

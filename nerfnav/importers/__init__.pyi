@@ -19,6 +19,7 @@ from .core.placement import format_length as format_length
 from .core.placement import warn_implausible_size as warn_implausible_size
 from .core.stored_picture import read_picture as read_picture
 from .detect import source_kind as source_kind
+from .meshes.bake import bake_scene as bake_scene
 from .meshes.config import MeshOptions as MeshOptions
 from .meshes.config import SceneConfig as SceneConfig
 from .meshes.importer import ImportedMesh as ImportedMesh

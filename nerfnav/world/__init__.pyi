@@ -1,12 +1,14 @@
 from .capture import CaptureConfig as CaptureConfig
 from .capture import capture_poses as capture_poses
 from .capture import images_taken as images_taken
+from .capture import may_stand as may_stand
 from .capture import split as split
 from .contact import contact_check as contact_check
 from .contact import judge as judge
 from .contact import level_contact_check as level_contact_check
 from .raycast import MeshRenderer as MeshRenderer
 from .raycast import RayCaster as RayCaster
+from .raycast import scene_color as scene_color
 from .scene import Scene as Scene
 from .scene import Vantage as Vantage
 from .scene import move_scene as move_scene

@@ -58,6 +58,16 @@ class CaptureConfig:
         return self if scene.voxel is None or scene.voxel <= FINE_VOXEL else self.clear_of(scene.voxel)
 
 
+def may_stand(
+    scene: Scene, caster: RayCaster, positions: Float[Tensor, "n 3"], clearance: float
+) -> Bool[Tensor, " n"]:
+    """Mark positions [m] at which a camera may stand: nothing is within `clearance` [m], and its vantage is right."""
+    level = torch.eye(3).expand(len(positions), 3, 3)
+    free = is_free(scene, Pose(level, positions), clearance)
+    free[free.clone()] = filter_vantage(caster, positions[free], scene.vantage)
+    return free
+
+
 _COARSE = 20  # pixels along the picture that measures the share that is seen
 
 
@@ -103,8 +113,7 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
             if missing <= 0:
                 break
             proposed = propose(2 * missing)
-            free = proposed[is_free(scene, proposed, config.clearance)]
-            free = free[filter_vantage(caster, free.position, scene.vantage)]
+            free = proposed[may_stand(scene, caster, proposed.position, config.clearance)]
             kept.append(free[share_seen(renderer, free, config) >= config.seen_share])
         return Pose.cat(kept)[:count]
 

@@ -20,12 +20,17 @@ from nerfnav.core.jit import kernel
 from nerfnav.geometry import Camera, Pose
 from nerfnav.world.raster import Hits, Rasteriser
 from nerfnav.world.scene import Scene
-from nerfnav.world.surface import surface_color
+from nerfnav.world.surface import SurfaceColor, surface_color
 
 Rays = Float32[np.ndarray, "n 3"]
 _AT_ONCE = 40_000  # rays: some ten milliseconds
 _FACES_PER_RAY = 12
 """Of meshes with more faces for each ray of a picture, asking a tree for each ray takes less time than all faces."""
+
+
+def scene_color(scene: Scene) -> SurfaceColor:
+    """The colours of a scene's mesh, or of its paint where it has any."""
+    return surface_color(scene.mesh) if scene.paint is None else scene.paint.color
 
 
 class RayCaster:
@@ -84,8 +89,7 @@ class MeshRenderer:
             raise InvalidInputError(f"supersample must be 1 or more, not {supersample}")
         self._mesh = source.mesh if isinstance(source, Scene) else source
         self._sky = np.array(source.sky if isinstance(source, Scene) else sky, np.float32) * 255
-        paint = source.paint if isinstance(source, Scene) else None
-        self._color = surface_color(self._mesh) if paint is None else paint.color
+        self._color = scene_color(source) if isinstance(source, Scene) else surface_color(source)
         self._supersample = supersample
 
     def render(self, camera: Camera, pose: Pose) -> Picture:

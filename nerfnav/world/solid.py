@@ -5,6 +5,7 @@ cells whose middles have a generalised winding number above one half, times the 
 Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", 2013).
 """
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -13,6 +14,7 @@ import trimesh
 from jaxtyping import Bool, Float
 from manifold3d import Manifold
 
+from nerfnav.core.jit import kernel
 from nerfnav.world.body_volume import BodyVolume, manifold_of
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.triangle_index import Triangles, Vector
@@ -20,7 +22,6 @@ from nerfnav.world.triangle_index import Triangles, Vector
 Points = Float[np.ndarray, "n 3"]
 
 _UPWARDS = np.array([0.0131, 0.0073, 0.9999], np.float32)  # not along any axis: no ray runs inside a face
-_PAIRS_AT_ONCE = 200_000
 
 
 class Solid:
@@ -90,12 +91,24 @@ def winding_number(triangles: Triangles, points: Points) -> Float[np.ndarray, " 
     Solid angles over 4 pi, each by Van Oosterom and Strackee, "The solid angle of a plane triangle", 1983.
     """
     total = np.zeros(len(points))
-    chunk = max(1, _PAIRS_AT_ONCE // len(triangles))
-    for start in range(0, len(points), chunk):
-        some = slice(start, start + chunk)
-        a, b, c = np.moveaxis(np.asarray(triangles)[None] - points[some, None, None], 2, 0)
-        la, lb, lc = (np.linalg.norm(corner, axis=-1) for corner in (a, b, c))
-        triple = (a * np.cross(b, c)).sum(-1)
-        rest = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
-        total[some] = np.arctan2(triple, rest).sum(-1) / (2 * np.pi)
-    return total
+    add_solid_angles(np.ascontiguousarray(triangles, float), np.ascontiguousarray(points, float), total)
+    return total / (4 * np.pi)
+
+
+@kernel(exact=True)
+def add_solid_angles(triangles, points, total):
+    """Add to `total` (n) the solid angles of triangles (m, 3, 3) at points (n, 3)."""
+    for point in range(points.shape[0]):
+        x, y, z = points[point, 0], points[point, 1], points[point, 2]
+        for face in range(triangles.shape[0]):
+            t = triangles[face]
+            ax, ay, az = t[0, 0] - x, t[0, 1] - y, t[0, 2] - z
+            bx, by, bz = t[1, 0] - x, t[1, 1] - y, t[1, 2] - z
+            cx, cy, cz = t[2, 0] - x, t[2, 1] - y, t[2, 2] - z
+            la = math.sqrt(ax * ax + ay * ay + az * az)
+            lb = math.sqrt(bx * bx + by * by + bz * bz)
+            lc = math.sqrt(cx * cx + cy * cy + cz * cz)
+            triple = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+            rest = la * lb * lc + (ax * bx + ay * by + az * bz) * lc
+            rest += (bx * cx + by * cy + bz * cz) * la + (cx * ax + cy * ay + cz * az) * lb
+            total[point] += 2.0 * math.atan2(triple, rest)

@@ -9,6 +9,7 @@ from nerfnav.importers import MeshOptions
 from nerfnav_app.cli.arguments import PlacementArguments
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output
+from nerfnav_app.jobs.field.baked import run as run_baked
 from nerfnav_app.jobs.field.request import NeuralOptions, TrainOptions, TrainRequest
 from nerfnav_app.jobs.field.train import run as run_job
 
@@ -25,6 +26,8 @@ class Arguments(TrainOptions, Output):
     """Kind of field: voxels, or the networks of the paper, which need a GPU."""
     neural: OmitArgPrefixes[NeuralOptions] = field(default_factory=NeuralOptions)
     """Options of neural fields."""
+    baked: bool = False
+    """Of a mesh: make the field of the mesh itself, in seconds, without training."""
     depth: Literal["auto", "on", "off"] = "auto"
     """Learn from depth, of a mesh or of a capture that has it; auto: where there is any, except in bundled scenes."""
 
@@ -46,4 +49,5 @@ def run(arguments: Arguments) -> None:
         depth={"auto": None, "on": True, "off": False}[arguments.depth],
         neural=arguments.neural if arguments.kind == "neural" else None,
     )
-    run_and_print(f"field {arguments.out}", run_job(request), arguments.json, can_stop_early=True)
+    job = run_baked(request) if arguments.baked else run_job(request)
+    run_and_print(f"field {arguments.out}", job, arguments.json, can_stop_early=not arguments.baked)

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -11,9 +11,11 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.field import TrainConfig
-from nerfnav.importers import SceneConfig, import_mesh
+from nerfnav.importers import ImportedMesh, SceneConfig, import_mesh
 from nerfnav.importers.captures.archive import extract
 from nerfnav.importers.meshes.files import SUFFIXES, list_archived_meshes, resolve_mesh, select_mesh
+from nerfnav.world import Scene
+from nerfnav_app.jobs.events import JobEvent
 from nerfnav_app.jobs.field.bundled import images_for, photograph, training_data_of
 from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.training_data import Gathering, relay_import
@@ -26,20 +28,33 @@ _BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".avif", ".gif", ".
 
 def gather(request: TrainRequest) -> Gathering:
     """Read the mesh and photograph it. Raises MeshFileError for files that no scene can be made of."""
-    request.require_unset("a mesh", downscale=request.photographs.downscale)
-    with _unpack_mesh(Path(request.source)) as path:
-        config = SceneConfig(request.placement, request.mesh, request.voxel, _nodes(request.budget))
-        imported = yield from relay_import(import_mesh(path, config), "reading the mesh")
+    imported = yield from read_scene(request, _nodes(request.budget))
     scene = imported.scene
     assert scene.voxel is not None  # an imported scene has one that suits it
-    # places of all sizes take as much work, in voxels
-    volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
+    volume = volume_of(scene)
     without_depth = request.depth is False
     count = request.photographs.images or images_for(volume, with_depth=not without_depth)
     capture = replace(request.capture.clear_of(scene.voxel), images=count)
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
     report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
     return training_data_of(scene, photographs.without_depth() if without_depth else photographs, report, volume)
+
+
+def volume_of(scene: Scene) -> float:
+    """Volume that a place of the paper's voxels would have [m^3]: places of all sizes take as much work, in voxels."""
+    assert scene.voxel is not None, "an imported scene has one that suits it"
+    return scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
+
+
+def read_scene(request: TrainRequest, nodes: float) -> Generator[JobEvent, bool | None, ImportedMesh]:
+    """Read the mesh, with voxels so that its box has `nodes` of them where the request gives none.
+
+    Raises MeshFileError for files that no scene can be made of.
+    """
+    request.require_unset("a mesh", downscale=request.photographs.downscale)
+    with _unpack_mesh(Path(request.source)) as path:
+        config = SceneConfig(request.placement, request.mesh, request.voxel, nodes)
+        return (yield from relay_import(import_mesh(path, config), "reading the mesh"))
 
 
 def _nodes(budget: float | None) -> float:

@@ -1,6 +1,7 @@
 """Report of a new field: free-space accuracy, pose floor, stored files, ground truth, numbers for `--json`."""
 
 import math
+from collections.abc import Generator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,12 @@ from nerfnav.experiments import (
     measure_unproven_share,
     note_free_space,
 )
-from nerfnav.field import FieldInfo, NeuralField, StoredField, VoxelField, save_field
+from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers import Placement
 from nerfnav.importers.core.placement import Vector
 from nerfnav.importers.meshes.ground_truth import truth_path, write_truth_beside
 from nerfnav.world import Scene
+from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 
 
@@ -51,10 +53,19 @@ def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
 
 def judge_field(
     trained: VoxelField | NeuralField, material: TrainingData
-) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
+) -> Generator[JobEvent, bool | None, tuple[VoxelField | NeuralField, FreeSpaceAccuracy]]:
     """Calibrate a field and measure its free-space accuracy; return the field with both, and the latter."""
+    yield Progress("judging", 0.0)
     if isinstance(trained, VoxelField):
-        trained = replace(trained, info=_calibrate(trained, material))
+        trained = calibrated(trained, material)
+    yield Progress("judging", 0.5)
+    return measure_accuracy(trained, material)
+
+
+def measure_accuracy(
+    trained: VoxelField | NeuralField, material: TrainingData
+) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
+    """Measure the free-space accuracy of a field; return the field with it, and the accuracy."""
     accuracy = _accuracy_of(trained, material)
     return replace(trained, info=note_free_space(trained.info, accuracy)), accuracy
 
@@ -69,16 +80,16 @@ def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> F
     return measure_unproven_share(trained, voxel)
 
 
-def _calibrate(trained: VoxelField, material: TrainingData) -> FieldInfo:
-    """Info with the calibration by held-out photographs, and of a capture with their pose error, for trackers."""
+def calibrated(trained: VoxelField, material: TrainingData) -> VoxelField:
+    """Field with the calibration by held-out photographs, and of a capture with their pose error, for trackers."""
     info = trained.info
     if (found := calibrate_field(trained, info, material.held_out)) is not None:
         info = found.note_in(info)
     if material.truth is not None:
-        return info
+        return replace(trained, info=info)
     noise = ColorNoise().measured(info.noise_std)
     floor = measure_map_error(trained, material.held_out, noise, torch.Generator().manual_seed(0))
-    return replace(info, pose_floor=floor)
+    return replace(trained, info=replace(info, pose_floor=floor))
 
 
 def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:

@@ -129,8 +129,7 @@ def run(request: TrainRequest) -> JobEvents:
     else:
         trained = yield from learn_networks(material, request, request.neural, generator)
     trained = noted(trained, request, material)
-    yield Progress("judging", 1.0)
-    trained, accuracy = judge_field(trained, material)
+    trained, accuracy = yield from judge_field(trained, material)
     file_bytes, files = stored(trained, material.truth, out)
     return JobResult({**training_numbers(trained, accuracy, file_bytes), "source": material.report}, files)
 

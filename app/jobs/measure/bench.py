@@ -44,6 +44,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "train_step": {"rays": 256, "rounds": 1},
     "busy": {"tasks": 1, "rounds": 1},
     "cold": {"rounds": 1},
+    "opening": {"seconds": 5.0},
     "scaling": {"repeats": 10, "tasks": 2},
 }
 """What a quick bench asks of each measure, in place of its own defaults."""
@@ -168,6 +169,9 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     if (cold := find("cold")) is not None:
         yield Progress("measuring first plans of new processes", 0.92)
         summary["cold"] = cold.measure(request.place, **quick.get("cold", {}))
+    if (opening := find("opening")) is not None:
+        yield Progress("opening a house", 0.94)
+        summary["open"] = opening.measure(**quick.get("opening", {}))
     if request.capture is not None:
         summary["training"] = yield from measure_training(request.capture, request.seconds)
     summary |= {

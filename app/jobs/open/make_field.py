@@ -1,4 +1,4 @@
-"""Make a field of a user's file, to open it: by training (mesh, capture, video) or by import (splats, NeRF).
+"""Make a field of a user's file, to open it: by baking (mesh), training (capture, video) or import (splats, NeRF).
 
 The field lies beside its source, and is found again there until the source changes.
 """
@@ -7,22 +7,37 @@ from pathlib import Path
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.field import load_field
-from nerfnav.importers import field_name
+from nerfnav.importers import SceneConfig, SourceKind, field_name, source_kind
 from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
 from nerfnav.importers.meshes.files import list_archived_meshes
-from nerfnav_app.jobs.events import JobEvents
-from nerfnav_app.jobs.field import train
+from nerfnav_app.jobs.events import JobEvents, JobResult, SurfaceShaped
+from nerfnav_app.jobs.export.surface import encode_scene
+from nerfnav_app.jobs.field import baked, train
+from nerfnav_app.jobs.field.meshes import read_scene
+from nerfnav_app.jobs.field.report import stored
 from nerfnav_app.jobs.field.train import TrainRequest
 from nerfnav_app.jobs.open import import_field
 from nerfnav_app.jobs.open.import_field import ImportRequest
 from nerfnav_app.places.sources import BUDGETS_S, USUAL, QualityName
+from nerfnav_app.storage.output_files import prepare_file
 
 
 def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:
-    """Yield what training or importing yields, and leave the field in `out`; NeRFs are baked, to be quick."""
+    """Yield what making it yields, and leave the field in `out`: a mesh is shown meanwhile, a NeRF becomes quick."""
     if import_field.imports(source):
         return import_field.run(ImportRequest(source, out))
+    if source_kind(source) is SourceKind.MESH:
+        return _bake_mesh(source, out, quality)
     return train.run(TrainRequest(str(source), out, quality=quality, budget=BUDGETS_S[quality]))
+
+
+def _bake_mesh(source: Path, out: Path, quality: QualityName) -> JobEvents:
+    """Yield the mesh as it is to be seen, then progress, and store its field, to plan in at once and refine later."""
+    imported = yield from read_scene(TrainRequest(str(source), out), SceneConfig.nodes)
+    yield SurfaceShaped(encode_scene(imported.scene), rough=True)
+    field = yield from baked.bake(imported, quality, 0)
+    _, files = stored(field, imported.scene, prepare_file(out))
+    return JobResult({"source": imported.report}, files)
 
 
 def find_made_field(source: Path) -> Path | None:

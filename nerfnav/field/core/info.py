@@ -36,10 +36,14 @@ class FieldInfo:
     """The same without its outliers, from the median (see field/train/evaluation.py)."""
     outlier_share: float | None = None
     """Share of pixels on held-out views that are outliers of the latter."""
+    made_by: str = ""
+    """How it was made: "trained" from pictures, "baked" from a mesh or from another field, or "imported"; empty where
+    unknown."""
     learned_from: str = ""
-    """Source of its geometry: "pictures", or "pictures and depth"; empty where unknown."""
+    """Source of its geometry: "pictures", "pictures and depth" or "mesh"; empty where unknown."""
     proven_from: str = ""
-    """Source of its proofs of free space: "pictures" or "depth"; empty where there is none, or it is unknown."""
+    """Source of its proofs of free space: "pictures", "depth", or "mesh", where free space is connected to places where
+    a camera may stand; empty where there is none, or it is unknown."""
     surface_taken_for_free: float | None = None
     """Share of true surface that planners take for free; None without a ground truth."""
     free_taken_for_free: float | None = None

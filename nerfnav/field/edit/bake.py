@@ -178,7 +178,7 @@ def bake(field: Field, config: BakeConfig | None = None) -> Generator[EditStep, 
     poses = sample_views(box, config.views, config.distance)
     psnr = likeness(field, baked, poses, Camera.from_fov(config.size, config.size, config.fov_deg))
     yield EditStep("baked", 1.0)
-    return replace(baked, info=replace(baked.info, baked_psnr_db=psnr))
+    return replace(baked, info=replace(baked.info, made_by="baked", baked_psnr_db=psnr))
 
 
 def _solid_cells(

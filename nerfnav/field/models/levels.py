@@ -40,19 +40,25 @@ def build_levels(field: Field, count: int) -> tuple[Field, ...]:
 
 
 @lru_cache(maxsize=3)  # the levels of one place: every flight and every search needs them
-@torch.no_grad()
 def coarser(field: VoxelField) -> VoxelField:
     """The field on nodes twice as far apart; the same field where it has too few nodes already."""
-    shape = [(nodes - 1 + 1) // 2 + 1 for nodes in field.shape]
-    if min(shape) < _FEWEST_NODES:
+    nx, ny, nz = ((nodes - 1 + 1) // 2 + 1 for nodes in field.shape)
+    if min(nx, ny, nz) < _FEWEST_NODES:
         return field
-    raw, colors = field.values[..., :1], field.values[..., 1:]
-    length = 2 * float(field.spacing.min())
+    values = _coarser_values(field.values, 2 * float(field.spacing.min()), (nx, ny, nz))
+    return replace(field, values=values, evidence=None)  # what was seen matters to planners alone
+
+
+@lru_cache(maxsize=3)  # a field whose info changes keeps its values
+@torch.no_grad()
+def _coarser_values(
+    values: Float[Tensor, "nx ny nz 4"], length: float, shape: tuple[int, int, int]
+) -> Float[Tensor, "mx my mz 4"]:
+    raw, colors = values[..., :1], values[..., 1:]
     stopped = -torch.expm1(-length * DENSITY_SCALE * torch.nn.functional.softplus(raw))
     mean, colored = _halved(stopped, shape).clamp_max(_OPAQUE), _halved(stopped * colors, shape)
     coarse_colors = torch.where(mean > _NOTHING, colored / mean.clamp_min(_NOTHING), _halved(colors, shape))
-    values = torch.cat([raw_of(-torch.log1p(-mean) / length), coarse_colors], -1)
-    return replace(field, values=values, evidence=None)  # what was seen matters to planners alone
+    return torch.cat([raw_of(-torch.log1p(-mean) / length), coarse_colors], -1)
 
 
 def raw_of(density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
@@ -61,7 +67,7 @@ def raw_of(density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
     return torch.where(density > _NOTHING, raw, torch.full_like(raw, EMPTY_RAW))
 
 
-def _halved(values: Float[Tensor, "nx ny nz c"], shape: list[int]) -> Float[Tensor, "mx my mz c"]:
+def _halved(values: Float[Tensor, "nx ny nz c"], shape: tuple[int, int, int]) -> Float[Tensor, "mx my mz c"]:
     """Averages over neighbours, at the nodes of a grid of the new shape over the same box."""
     planes = values.permute(3, 0, 1, 2)[None]
     for axis in (2, 3, 4):

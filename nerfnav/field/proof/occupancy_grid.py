@@ -112,5 +112,8 @@ def describe_unproven(field: Field) -> str:
         return ""
     layers = [float(part.sum()) for part in unproven.tensor_split(len(_LAYERS))]
     where = _LAYERS[layers.index(max(layers))]
+    sentence = f"{share:.0%} of this place is unproven and counts as solid"
+    if field.info.proven_from == "mesh":
+        return f"{sentence}: no way from where a camera may stand leads to {where}."
     means = "more photographs" if field.info.proven_from == "depth" else "more photographs, or depth maps,"
-    return f"{share:.0%} of this place is unproven and counts as solid: {means} of {where} would help most."
+    return f"{sentence}: {means} of {where} would help most."

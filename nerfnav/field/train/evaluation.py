@@ -76,6 +76,7 @@ def describe_training(photographs: PosedImages, generator: torch.Generator, iter
     """Field info before evaluation: the date, the number of images, the seed."""
     return FieldInfo(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
+        made_by="trained",
         images=len(photographs),
         seed=generator.initial_seed(),
         iterations=iterations,

@@ -14,9 +14,9 @@ from nerfnav.field.models.grid_field import grey_nodes
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.proof.fusion import FusedDepth
 from nerfnav.field.train.rays import PointBatch, RayBatch
-from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear_around, views_of
+from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear_around, views_of_nodes
 from nerfnav.field.train.training_volume import Finish, TrainingVolume, finish_densities, finish_field
-from nerfnav.geometry import PosedImages, dilate_nodes, node_positions, spacing_of
+from nerfnav.geometry import PosedImages, dilate_nodes, spacing_of
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
 _START_IN_HULL = 0.45  # [1/unit]: a fifth of the light is stopped in half a unit; what no ray teaches ends empty
@@ -117,7 +117,7 @@ class GridLearner:
     ) -> "GridLearner":
         """Learn from `values`: densities at rates by how many cameras see them, and never those that are `fixed`."""
         nx, ny, nz, _ = values.shape
-        rates = views_of(node_positions(place.box, (nx, ny, nz)), photographs)
+        rates = views_of_nodes(place.box, (nx, ny, nz), photographs)
         if fixed is not None:
             rates = torch.where(fixed, 0.0, rates)
         inner = TrainedGrid(values, rates, workers, near)

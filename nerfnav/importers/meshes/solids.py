@@ -29,6 +29,8 @@ _HELD = 0.5
 """And is one if it holds this share of the rest."""
 _ASKED = 200
 """Faces of the rest that are asked for that."""
+_PROBES = 64
+"""Faces of an open piece that are asked for its winding number."""
 _MOSTLY_CLOSED = 0.7
 """Mean winding number just below the faces of an open piece that still has an inside; 0.5 for flat ground."""
 _DEPTH = 0.05
@@ -148,7 +150,7 @@ def _open_solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
         return None
     depth = _DEPTH * mesh.extents.max()
     middles, normals = mesh.triangles_center, mesh.face_normals
-    step = max(1, len(middles) // _ASKED)
+    step = max(1, len(middles) // _PROBES)
     below, above = (
         float(winding_number(mesh.triangles, middles[::step] + way * depth * normals[::step]).mean())
         for way in (-1, 1)

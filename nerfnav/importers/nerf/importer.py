@@ -67,6 +67,6 @@ def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> Ne
         torch.full((3,), float(config.white)),  # the background
         Pose(turn, torch.zeros(3)),
         NeuralConfig(unit=unit),
-        FieldInfo(source=file.name),
+        FieldInfo(source=file.name, made_by="imported"),
     )
     return field if place.box is not None else replace(field, box=find_solid_box(field, file))

@@ -77,7 +77,7 @@ def voxelize(splats: Splats, config: VoxelizeConfig | None = None, source: str =
     mean = color / np.maximum(density, 1e-12)[..., None]
     raw = fitted(torch.from_numpy(density).clamp_max(_OPAQUE / voxel), config.sweeps, config.empty_below / voxel)
     values = torch.cat([raw[..., None], torch.from_numpy(mean)], -1)
-    return VoxelField(box, values, torch.ones(3), FieldInfo(source=source))
+    return VoxelField(box, values, torch.ones(3), FieldInfo(source=source, made_by="imported"))
 
 
 def _voxel_for(box: Box) -> float:

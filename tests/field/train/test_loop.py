@@ -8,11 +8,12 @@ import torch
 from nerfnav.core.jit import default_threads
 from nerfnav.core.steps import run_steps
 from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.train import trained_grid
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
 from nerfnav.field.train.progress import TrainStep
 from nerfnav.field.train.rays import RaySampler
-from nerfnav.field.train.trained_grid import views_of
+from nerfnav.field.train.trained_grid import views_of, views_of_nodes
 from nerfnav.geometry.grid import node_positions
 from tests.collected_steps import collect
 from tests.field.fields import BOX, ball, photographs_of_ball
@@ -106,6 +107,16 @@ def test_nodes_that_more_cameras_see_learn_faster():
     assert share.max() == 1
     assert share[2, 2, 2] == 1
     assert share[0, 0, 4] < 1
+
+
+def test_large_grids_interpolate_how_many_cameras_see_a_node(monkeypatch: pytest.MonkeyPatch):
+    shape, photographs = (21, 18, 24), photographs_of_ball(12)
+    exact = views_of(node_positions(BOX, shape), photographs)
+    assert torch.equal(views_of_nodes(BOX, shape, photographs), exact)
+    monkeypatch.setattr(trained_grid, "_MOST_ASKED", 200)
+    coarse = views_of_nodes(BOX, shape, photographs)
+    assert coarse.shape == exact.shape and not torch.equal(coarse, exact)
+    assert (coarse - exact).abs().mean() < 0.08 < exact.mean()
 
 
 def test_training_rays_are_those_of_the_camera():

@@ -1,0 +1,102 @@
+"""Time the opening of a mesh in this process: the part of app/benchmarks/opening.py that runs in the new process."""
+
+import time
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
+from nerfnav.field import UnknownSpace, VoxelField
+from nerfnav.navigation import EpisodeOutcome, NavigationStep
+from nerfnav.planner import FLYABLE, OccupancyConfig
+from nerfnav.planner.objective.default_ends import propose_ends
+from nerfnav_app.jobs.events import SurfaceShaped
+from nerfnav_app.jobs.field.baked import refine
+from nerfnav_app.jobs.fly import fly
+from nerfnav_app.jobs.fly.request import FlyRequest
+from nerfnav_app.jobs.open import make_field
+from nerfnav_app.jobs.plan import plan
+from nerfnav_app.places.derived import build_occupancy, prepare_place
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.places.place import Place, open_place
+
+_FLYABLE = {outcome.name.lower() for outcome in FLYABLE}
+
+
+def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[str, Any]:
+    """Open a mesh, plan, calibrate, fly by camera, and learn its colours for so many seconds [s].
+
+    `began` is the time.time() that all times count from. `shown`: the mesh is ready for the viewer; `planned`: there is
+    a plan to fly; `flown`: a flight has arrived; `full`: its colours are learned. None where that did not come
+    about. `cpu_s` holds the processor time of the process by then: other processes do not add to it.
+    The field is left in `out`. Raises NerfnavError for what is no mesh.
+    """
+    times: dict[str, float | None] = dict.fromkeys(("shown", "planned", "flown", "full"))
+    worked: dict[str, float] = {}
+
+    def note(name: str) -> None:
+        times[name] = round(time.time() - began, 2)
+        worked[name] = round(time.process_time(), 2)
+
+    place = _make_place(source, out, lambda: note("shown"))
+    if not isinstance(place.field, VoxelField) or place.scene is None or place.file is None:
+        raise InvalidInputError(f"{source} is no mesh, and bench open times meshes")
+    request = plan.PlanRequest(_first_ends(place), shortest=True)
+    if run_steps(plan.run(request, place)).summary["outcome"] in _FLYABLE:
+        note("planned")
+    stages = refine(place.field, place.scene, place.file, seconds)
+    place = _better(place, stages)
+    flown, errors = _fly(request, place)
+    if flown["outcome"] == EpisodeOutcome.REACHED.name.lower():
+        note("flown")
+    place = _better(place, stages)
+    note("full")
+    flown_on, errors_on = _fly(request, place)
+    return times | {
+        "cpu_s": worked,
+        "psnr_db": place.field.info.psnr_db,
+        "outcome": flown["outcome"],
+        "position_p95_m": errors,
+        "outcome_full": flown_on["outcome"],
+        "position_p95_full_m": errors_on,
+    }
+
+
+def _make_place(source: Path, out: Path, on_shown: Callable[[], None]) -> Place:
+    """Make the field of a source, as the page does."""
+    for event in make_field.run(source, out):
+        if isinstance(event, SurfaceShaped):
+            on_shown()
+    return open_place(str(out))
+
+
+def _first_ends(place: Place) -> Ends:
+    """Ends as the page proposes them. Raises InvalidInputError without room."""
+    seen = prepare_place(place, UnknownSpace.OCCUPIED)
+    found = propose_ends(
+        seen.field, place.field, place.robot, lambda height: build_occupancy(seen, OccupancyConfig(), height)
+    )
+    if found is None:
+        raise InvalidInputError(f"there is no room for a {place.robot.name} in {place.name}")
+    return Ends(*map(End.of_state, found))
+
+
+def _better(place: Place, stages: Generator[VoxelField | None, None, None]) -> Place:
+    """The place with its next better field."""
+    return replace(place, field=next(field for field in stages if field is not None))
+
+
+def _fly(request: plan.PlanRequest, place: Place) -> tuple[dict[str, Any], float | None]:
+    """Fly the request; numbers of the flight, and the 95th percentile of its position error [m]."""
+    steps, errors = fly.run(FlyRequest(request), place), []
+    while True:
+        try:
+            event = next(steps)
+        except StopIteration as end:
+            return end.value.summary, float(np.quantile(errors, 0.95)) if errors else None
+        if isinstance(event, NavigationStep):
+            errors.append(float((event.belief.mean.position - event.truth.position).norm()))

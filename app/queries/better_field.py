@@ -1,0 +1,87 @@
+"""Query for a better field of a mesh: one that was baked is calibrated, then its colours are learned.
+
+It takes a minute, and plans and flights do not wait: each answer goes one step further, while nothing else runs, and
+each better field replaces the one before it between two plans.
+"""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field import VoxelField
+from nerfnav_app.places.sources import BUDGETS_S, QualityName
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.reducers.common import add_notice
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """State of a refinement in progress."""
+
+    going: Generator[VoxelField | None, None, None]
+    """Its generator, for the worker's thread alone."""
+    better: VoxelField | None = None
+    """The field of this step, where it is better than the one before it."""
+
+
+@dataclass(frozen=True)
+class BetterFieldQuery(Query[Refinement]):
+    """Query for a better field, one step further."""
+
+    file: Path
+    """File of the field."""
+    quality: QualityName
+    """Quality of the field, which gives the time for its colours."""
+    steps: int = 0
+    """Number of steps that were made."""
+    refinement: Refinement | None = field(default=None, repr=False, compare=False)
+    """Refinement after these steps; None before the first."""
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["BetterFieldQuery"]:
+        """Ask once the user can begin; colours wait until the surface has its texture."""
+        place = session.place
+        idle = session.job is None or session.job.kind is JobKind.OPEN
+        if place is None or place.file is None or place.truth is None or not idle or session.seeking:
+            return
+        info = place.field.info
+        if info.proven_from != "mesh" or info.iterations or (info.noise_std is not None and session.surface_is_rough):
+            return
+        last = cls.asked_in(session)
+        if last is None or last.file != place.file:
+            yield cls(place.file, session.quality)
+        else:
+            yield replace(last, steps=last.steps + 1, refinement=cls.result_in(session))
+
+    def is_answered(self, session: Session) -> bool:
+        """Return False: the kept result is that of an earlier step."""
+        return False
+
+    def answer(self, resources: Resources) -> Refinement:
+        """Advance by a step."""
+        going = self._begin(resources) if self.refinement is None else self.refinement.going
+        return Refinement(going, next(going))
+
+    def _begin(self, resources: Resources) -> Generator[VoxelField | None, None, None]:
+        from nerfnav_app.jobs.field.baked import refine  # slow to import, and seldom needed
+
+        place = resources.place
+        if place.scene is None or not isinstance(place.field, VoxelField):
+            raise InvalidInputError(f"the mesh of {place.name} is missing: its colours cannot be learned")
+        return refine(place.field, place.scene, self.file, BUDGETS_S[self.quality])
+
+    def apply(self, session: Session, result: Refinement) -> Session:
+        """Take a better field: what was computed in the old one is asked again, plans and flights stay."""
+        place, better = session.place, result.better
+        if place is None or place.file != self.file:
+            return session
+        if better is None:
+            return super().apply(session, result)
+        there = replace(session, place=replace(place, field=better))
+        if not better.info.iterations:  # calibrated: it looks the same
+            return replace(there, results={self.slot: (self, result)})
+        there = replace(there, results={}, surface_is_rough=True)
+        return add_notice(there, "Better colours", "The field has learned the colours of the mesh.")
