@@ -78,7 +78,7 @@ class NavigateConfig:
     """REACHED when the believed position is this near to the goal [m], with two standard deviations to spare."""
     minimum_horizon: int = 6
     """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
-    timeout_factor: float = 2.0
+    timeout_factor: float = 3.0
     """TIMEOUT after this many times the planned steps; those in which the robot held count only beyond as many."""
     most_risk: float | None = None
     """TOO_RISKY, on the ground, where a flight by the first plan touches something with a higher probability than this,

@@ -11,6 +11,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from nerfnav.estimator import FilterOutcome
 from nerfnav.field import Field
 from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import NavigationStep
@@ -101,11 +102,14 @@ def command_yaw_rate(state: RigidState, aim: float | None, most: float, around: 
     return max(-most, min(most, _ARRIVING * wrap_yaw(aim - soon) / dt))
 
 
-def choose_turn(memory: SupervisorMemory, flight: FlightContext, lost: bool) -> Callable[[RigidState], float]:
-    """Choose the turn of a robot that holds.
+def choose_turn(
+    step: NavigationStep, memory: SupervisorMemory, flight: FlightContext, lost: bool
+) -> Callable[[RigidState], float]:
+    """Choose the turn of a robot that holds and sees little.
 
-    One that is not lost turns first to the heading in which it should see something from where it began to hold; else
-    toward the middle of the place, where there is more to see than outside.
+    One that is not lost turns to the heading in which it should see something from where it began to hold; where its
+    picture says something, it keeps to that of its last informative view at first. Else it turns toward the middle of
+    the place, where there is more to see than outside.
     """
     began, safety_filter, dt = memory.plan.states[0], flight.stack.safety_filter, flight.request.dt
     config = flight.config.recovery
@@ -113,8 +117,11 @@ def choose_turn(memory: SupervisorMemory, flight: FlightContext, lost: bool) -> 
     turn = 0.0 if lost else predict_visibility(began, flight)[1]
     side = 1.0 if safety_filter is None else side_of(began, safety_filter.field.box.center)
     around = math.copysign(config.turn, turn if turn else side)
-    in_vain = memory.unsure * dt > abs(turn) / most + _IN_VAIN_S
-    aim = None if turn == 0 or in_vain else so3.yaw_of(began.rotation).item() + turn
+    unseen_s, aim = min(memory.unsure, step.index - memory.seen_at) * dt, None
+    if step.filter_outcome is FilterOutcome.WEAK and not lost and memory.seen is not None and unseen_s <= _IN_VAIN_S:
+        aim = so3.yaw_of(memory.seen.mean.rotation).item()
+    elif turn != 0 and unseen_s <= 2 * _IN_VAIN_S + abs(turn) / most:
+        aim = so3.yaw_of(began.rotation).item() + turn
     return partial(command_yaw_rate, aim=aim, most=most, around=around, dt=dt)
 
 
@@ -123,7 +130,7 @@ def hold(
 ) -> Motion:
     """Plan the motion of a robot that holds, from an estimate after the `last` plan.
 
-    It comes to rest, and turns where its view does not help; one that trusts its belief goes back to its last
+    It comes to rest, and turns where its view tells little; one that trusts its belief goes back to its last
     informative view where no turn helps, and one that was given up lands.
     """
     action, robot = step.recovery, flight.simulator.robot
@@ -132,8 +139,10 @@ def hold(
         return descend(start, flight)
     turn = velocity = None
     if action is not None and action.turns:
-        turn = choose_turn(memory, flight, lost=action is SupervisorAction.SEARCHED)
-        velocity = None if action is SupervisorAction.SEARCHED else _way_back(step, memory, flight)
+        lost = action is SupervisorAction.SEARCHED
+        velocity = None if lost else _way_back(step, memory, flight)
+        if step.filter_outcome is not FilterOutcome.UPDATED:  # what the field shows elsewhere may be wrong
+            turn = choose_turn(step, memory, flight, lost)
     return come_to_rest(robot, start, flight.config.recovery.rest, flight.request.dt, turn, velocity)
 
 

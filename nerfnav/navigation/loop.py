@@ -13,6 +13,7 @@
 Each of these adds its part to the record of the time step.
 """
 
+import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 
@@ -90,8 +91,9 @@ def navigate(
             now, goal = yield from replan(now, last, goal, memory, flight)
         for step in _in_real_time(last, now, flight):
             memory = memory.after(
-                step.index, step.plan, step.recovery, step.filter_belief, _is_informative(step), step.late
-            )
+                step.index, step.plan, step.recovery, step.filter_belief, _is_informative(step, config),
+                step.filter_outcome is FilterOutcome.UPDATED, step.late,
+            )  # fmt: skip
             step = judge(step, flown, goal, flight)
             flown.append(replace(step, image=None, update=None))
             yield step
@@ -181,8 +183,9 @@ def supervise(
     if flight.simulator.is_outside(belief.mean):
         place = ", ".join(f"{coordinate:.2f}" for coordinate in belief.mean.position.tolist())
         doubt = f"the estimated position ({place}) m is outside of the field's box"
-    if memory.held or now.filter_outcome is not FilterOutcome.UPDATED:
-        room = _room(belief.mean, goal, flight)
+    informative = now.filter_outcome is FilterOutcome.UPDATED
+    if memory.held or not informative:
+        room = _room(belief.mean, None if informative else goal, flight)
     evidence = Evidence(
         now.index, belief, now.filter_outcome, now.image, requests.search, doubt, room, lambda: may_land(belief, flight)
     )
@@ -194,19 +197,20 @@ def supervise(
     )  # fmt: skip
 
 
-def _room(state: RigidState, goal: ActiveGoal, flight: FlightContext) -> float:
-    """Measure by how much a robot may be off before that harms [m]: its clearance, at most the distance to the goal; 0
+def _room(state: RigidState, goal: ActiveGoal | None, flight: FlightContext) -> float:
+    """Measure by how much a robot may be off before that harms [m]: its clearance, at most the distance to a goal; 0
     without a safety filter."""
     safety_filter, config = flight.stack.safety_filter, flight.config.recovery
     if safety_filter is None:
         return 0.0
-    away = (state.position - goal.goal.position).norm().item()
+    away = math.inf if goal is None else (state.position - goal.goal.position).norm().item()
     return safety_filter.clearance(state.position[None], min(away, SIGMAS * config.open * config.widest))
 
 
-def _is_informative(step: NavigationStep) -> bool:
-    """Check whether a picture was used; how little a weak one says shows in the belief's width."""
-    return step.filter_outcome in (FilterOutcome.UPDATED, FilterOutcome.WEAK) and not step.late
+def _is_informative(step: NavigationStep, config: NavigateConfig) -> bool:
+    """Check whether a picture was used; one that leaves a robot adrift said too little."""
+    used = step.filter_outcome in (FilterOutcome.UPDATED, FilterOutcome.WEAK) and not step.late
+    return used and step.filter_belief.position_std <= config.recovery.adrift
 
 
 def replan(

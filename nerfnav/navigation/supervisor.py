@@ -10,9 +10,10 @@ Two actions come from elsewhere: the safety filter takes BACKUP where it rejects
 begins BLIND where its field shows the camera nothing (looking.py). `SupervisorMemory.after` counts what the conditions
 of the rows need.
 
-How wide a belief may be depends on the room: with c the clearance of the believed position, at most the distance to
-the goal, `widest`, `sure` and `adrift` are multiplied by c / (3 `widest`), at least 1 and at most `open`. So a robot
-flies on while three standard deviations fit into its clearance. With a picture that shows nothing, there is no room.
+How wide a belief may be depends on the room: with c the clearance of the believed position, where the picture says
+little at most the distance to the goal, `widest`, `sure` and `adrift` are multiplied by c / (3 `widest`), at least 1
+and at most `open`. So a robot flies on while three standard deviations fit into its clearance. With a picture that
+shows nothing, there is no room.
 """
 
 from collections.abc import Callable, Generator
@@ -69,7 +70,7 @@ class SupervisorConfig:
     as reached. In the paper's noise it takes three pictures that show nothing."""
     sure: float = 0.03
     """The same for a robot that holds because of its position, which is BLIND whenever it sees nothing: above this, a
-    picture that agrees with its belief is too weak to end the state [m]. The sky agrees with any belief."""
+    weak picture that agrees with its belief does not end the state [m]. The sky agrees with any belief."""
     adrift: float = 0.12
     """The same from which a BLIND robot is searched for, as a lost one is [m]: three times `widest`, which is a
     standard deviation of its own already. A robot does not come to rest while it drifts, for it tilts, and knows its
@@ -134,17 +135,23 @@ class SupervisorMemory:
     unseen: int = 0
     """Time steps since the last informative picture."""
     seen: Belief | None = None
-    """Belief after that picture; None: there was none yet."""
+    """Belief after the last picture that updated it in more than a few directions; None: there was none yet."""
+    seen_at: int = 0
+    """Index of the time step of that picture."""
 
     def after(
         self, index: int, plan: Motion, action: SupervisorAction | None, belief: Belief, informative: bool = True,
-        late: bool = False,
+        updated: bool = True, late: bool = False,
     ) -> "SupervisorMemory":  # fmt: skip
-        """Count one more time step; a `late` one had no picture."""
-        unseen, seen = (0, belief) if informative else (self.unseen + 1, self.seen)
-        known = replace(self, state=state_after(action), unseen=unseen, seen=seen)
+        """Count one more time step, whose picture was `informative`, and `updated` the belief in more than a few
+        directions; a `late` one had none."""
+        known = replace(
+            self, state=state_after(action), unseen=0 if informative else self.unseen + 1,
+            seen=belief if updated else self.seen, seen_at=index if updated else self.seen_at,
+        )  # fmt: skip
         if action is None or not action.holds:
-            return SupervisorMemory(plan, index, state=known.state, unseen=unseen, seen=seen)
+            fresh = SupervisorMemory(plan, index, state=known.state, unseen=known.unseen)
+            return replace(fresh, seen=known.seen, seen_at=known.seen_at)
         searched = action in (SupervisorAction.SEARCHED, SupervisorAction.ADRIFT)
         return replace(
             known, held=self.held + 1, unsure=self.unsure + action.doubts,
@@ -189,7 +196,8 @@ class Evidence:
     """Reason for which the belief is not trusted whatever the filter says (it is outside of the field's box, or a test
     of consistency fails); only a search ends it. None: there is no such reason."""
     room: float = 0.0
-    """Clearance of the believed position, at most the distance to the goal [m]; 0 where it is unknown."""
+    """Clearance of the believed position, without an informative picture at most the distance to the goal [m]; 0 where
+    it is unknown."""
     may_land: Callable[[], bool] = lambda: False
     """Check whether the robot can land gently below; it takes time, and is called for a lost robot only."""
 
@@ -304,7 +312,7 @@ class Supervisor:
         limits = config.limits(0.0 if sees_nothing else evidence.room)
         unseen_s = memory.unseen * memory.plan.dt
         uncertain = (
-            sees_nothing or deviation > limits.sure
+            sees_nothing or deviation > (limits.sure if sees_little(evidence.outcome) else limits.widest)
             if memory.unsure > 0
             else sees_little(evidence.outcome) and deviation > limits.widest
         ) or (sees_nothing and unseen_s >= config.unseen_s)

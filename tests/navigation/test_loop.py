@@ -181,7 +181,7 @@ def test_a_flight_that_gets_nowhere_times_out():
     config = replace(CONFIG, goal_tolerance_m=0.0)
     steps = steps_of(fly(config=config))
     assert steps[-1].outcome is EpisodeOutcome.TIMEOUT
-    assert steps[-1].index == 2 * REQUEST.steps
+    assert steps[-1].index == CONFIG.timeout_factor * REQUEST.steps
 
 
 def test_pictures_that_disagree_again_and_again_end_the_flight():

@@ -236,6 +236,17 @@ def test_a_belief_outside_of_the_box_and_a_failed_test_of_consistency_are_search
     assert distrusting.distrusts, "pictures that agree do not end it"
 
 
+def test_a_robot_remembers_its_last_informative_view_and_how_long_ago_it_saw_anything() -> None:
+    first, later = (Belief(START, replace(CALM, position_m=std).covariance()) for std in (0.01, 0.02))
+    memory = SupervisorMemory(come_to_rest(ROBOT, START, 2, 0.1), seen=first)
+    weak = memory.after(1, memory.plan, SupervisorAction.BLIND, later, updated=False)
+    nothing = weak.after(2, memory.plan, SupervisorAction.BLIND, later, informative=False, updated=False)
+    assert (weak.seen, weak.seen_at, weak.unseen) == (first, 0, 0)
+    assert (nothing.seen, nothing.seen_at, nothing.unseen) == (first, 0, 1)
+    again = nothing.after(3, memory.plan, None, later)
+    assert (again.seen, again.seen_at, again.unseen) == (later, 3, 0)
+
+
 def test_a_belief_may_be_as_wide_as_three_standard_deviations_fit_into_the_room() -> None:
     config = SupervisorConfig()
     assert config.limits(0.0) == config.limits(0.12) == (config.widest, config.sure, config.adrift)
@@ -317,7 +328,9 @@ def _searched(pictures: int) -> dict[str, Any]:
     ("UPDATED", 0.01, False, _searched(3 * 8), "RELOCALISED", "LOST"),
     ("UPDATED", 0.01, True, {}, "RELOCALISED", None),
     ("UPDATED", _WIDE, False, {}, None, None),
-    ("UPDATED", 0.035, False, {"unsure": 1}, "BLIND", "BLIND"),
+    ("UPDATED", 0.045, False, {"unsure": 1}, "BLIND", "BLIND"),
+    ("UPDATED", 0.035, False, {"unsure": 1}, None, None),
+    ("WEAK", 0.035, False, {"unsure": 1}, "BLIND", "BLIND"),
     ("UPDATED", 0.025, False, {"unsure": 1}, None, None),
     ("PREDICTED_ONLY", 0.025, False, {"unsure": 1}, "BLIND", "BLIND"),
     ("WEAK", 0.035, False, {}, None, None),
@@ -496,10 +509,12 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
 def test_a_picture_that_agrees_but_tells_little_does_not_end_the_doubt() -> None:
     world = simulator()
     stack = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(3, 4)), GlobalLocalizer(world))
-    config = replace(CONFIG, recovery=SupervisorConfig(sure=1e-4, unseen_s=10.0))
+    config = replace(CONFIG, recovery=SupervisorConfig(sure=1e-4, widest=1e-4, unseen_s=10.0))
     steps = [step for step in navigate(REQUEST, world, stack, config, draws(1)) if isinstance(step, NavigationStep)]
     assert steps[4].recovery is SupervisorAction.WIDENED
     assert {step.recovery for step in steps[5:]} == {SupervisorAction.BLIND}
+    rates = [abs(step.plan.states.body_rate[-1, 2].item()) for step in steps[5:]]
+    assert max(rates) < 0.1, "it does not turn away from a view that says something"
 
 
 def test_a_search_that_is_requested_between_two_others_is_done_at_once() -> None:

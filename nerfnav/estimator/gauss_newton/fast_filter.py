@@ -26,7 +26,7 @@ from nerfnav.estimator.core.filter_config import FastConfig
 from nerfnav.estimator.core.filter_step import FilterUpdate, is_usable, keep_prediction
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.alignment import align, choose_start, image_deviation, search
-from nerfnav.estimator.gauss_newton.posterior import UpdateProblem, compute_posterior, correct, is_doubtful
+from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, compute_posterior, correct, is_doubtful
 from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field, build_levels
@@ -104,11 +104,17 @@ def _correct(problem: UpdateProblem) -> FilterUpdate:
         if not is_doubtful(problem, best) and problem.patches >= pyramid.search.patches:
             break
         found = yield from search(problem, best, iteration)
-        best, rival, iteration = measure_information(problem, found.best), found.rival, found.iteration
+        rival = rival if found.rival is None else _measure(problem, found.rival, best)
+        best, iteration = _measure(problem, found.best, best), found.iteration
     best = dataclasses.replace(best, step=dataclasses.replace(best.step, iteration=iteration - 1))
     result = correct(problem, best, rival) if rounds else compute_posterior(problem, best)
     yield result.step
     return result
+
+
+def _measure(problem: UpdateProblem, minimum: Minimum, measured: Minimum) -> Minimum:
+    """Return a minimum with its information, as `measured` is: a second measurement would widen it twice."""
+    return minimum if minimum is measured else measure_information(problem, minimum)
 
 
 def inerf(

@@ -31,7 +31,10 @@ from nerfnav.geometry import Pose, so3
 from nerfnav.robots import BODY_RATE, TANGENT, VELOCITY, ProcessNoise, RigidState
 
 _CONSISTENT = 12.6
-"""Process term above which a minimum hardly agrees with the prediction: chi-squared of six numbers, once in 20."""
+"""Normalised square of a move above which it hardly agrees with the prediction: chi-squared of six numbers, once in
+20."""
+_LEAST_TOLD = 0.01
+"""Least share of the predicted variance that a picture is taken to explain, in any direction."""
 _LARGEST = 50.0
 """Logarithm of odds beyond which the weaker hypothesis has no weight."""
 _LEAST_DIRECTIONS = 3
@@ -141,12 +144,19 @@ def is_doubtful(problem: UpdateProblem, minimum: Minimum) -> bool:
 
 
 def correct(problem: UpdateProblem, minimum: Minimum, rival: Minimum | None = None) -> FilterResult:
-    """Return the posterior, downgraded where the minimum is unexplained or has a rival."""
+    """Return the posterior, downgraded where the minimum is unexplained or has a rival.
+
+    A doubtful minimum that hardly agrees with the prediction leaves it.
+    """
     result = compute_posterior(problem, minimum)
     if result.outcome is FilterOutcome.DIVERGED:
         return result
-    if is_doubtful(problem, minimum) and _median_exceeds(problem, minimum.step, _MEDIAN):  # not for the sake of a few
-        return downgrade_unexplained(result, problem.prediction)
+    if is_doubtful(problem, minimum):
+        unexplained = _median_exceeds(problem, minimum.step, _MEDIAN)  # not for the sake of a few
+        if not normalise_move(problem, minimum) <= (_CONSISTENT if unexplained else problem.config.innovation_gate):
+            return _weakened(result, problem.prediction)
+        if unexplained:
+            return downgrade_unexplained(result, problem.prediction)
     other = None if rival is None else compute_posterior(problem, rival)
     if other is None or other.outcome is FilterOutcome.DIVERGED:
         return result
@@ -193,15 +203,27 @@ def information_at(problem: UpdateProblem, minimum: Minimum) -> Float[Tensor, "6
 def downgrade_unexplained(result: FilterResult, prediction: Belief) -> FilterResult:
     """Return the posterior where no search explains the picture: the minimum is false as likely as not.
 
-    The prediction then has half of the weight. A minimum that hardly agrees with the prediction is rejected.
+    The prediction then has half of the weight.
     """
-    if result.step.process > _CONSISTENT:
-        return _weakened(result, prediction)
     found = result.posterior
     away = found.mean.local(prediction.mean)
     covariance = 0.5 * (found.covariance + prediction.covariance) + 0.25 * torch.outer(away, away)
     mean = found.mean.retract(0.5 * away)
     return _weakened(result, Belief(replace(mean, rotation=so3.project(mean.rotation)), covariance))
+
+
+def normalise_move(problem: UpdateProblem, minimum: Minimum) -> float:
+    """Return the normalised square of the move from the predicted pose, chi-squared of six numbers.
+
+    With P the covariance of that pose and I the picture's information, the move has the covariance P - (P^-1 + I)^-1
+    (Bar-Shalom, Li, Kirubarajan 2001, section 5.4): a picture that tells little moves little. A false minimum does not
+    keep to that.
+    """
+    root = torch.linalg.cholesky(problem.prediction.covariance[POSE][:, POSE].double())
+    gains, axes = torch.linalg.eigh(root.T @ information_at(problem, minimum).double() @ root)
+    move = axes.T @ torch.linalg.solve_triangular(root, minimum.iterate.change[0, _POSE].double()[:, None], upper=False)
+    told = (gains / (1 + gains)).clamp_min(_LEAST_TOLD)
+    return float((move[:, 0].square() / told).sum())
 
 
 def merge_rival(result: FilterResult, rival: FilterResult, ratio: float) -> FilterResult:

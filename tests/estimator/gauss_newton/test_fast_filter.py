@@ -13,7 +13,9 @@ from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.core.filter_step import FilterOutcome
 from nerfnav.estimator.core.prediction import predict
+from nerfnav.estimator.gauss_newton.alignment import align, start_at_mean
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter, inerf
+from nerfnav.estimator.gauss_newton.posterior import UpdateProblem, normalise_move
 from nerfnav.estimator.paper.cost import PoseCost
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
@@ -293,6 +295,19 @@ def test_a_doubtful_end_far_from_the_prediction_is_left():
     assert last.step.process > 12.6 and last.outcome is FilterOutcome.WEAK
     torch.testing.assert_close(last.posterior.covariance, prediction.covariance)
     torch.testing.assert_close(last.posterior.mean.position, HERE.position)
+
+
+def test_a_move_is_compared_with_what_the_picture_can_tell():
+    """chi-squared by P - (P^-1 + I)^-1: the move's own square where the picture tells all, far more where little."""
+    truth, prediction = HERE.retract(OFF), Belief(HERE, SMALL.covariance())
+    problem = UpdateProblem(FILTER.view, CONFIG, prediction, picture(balls(), truth), draws(0))
+    minimum = run_steps(align(problem, CONFIG.pyramid.stages(False), start_at_mean(problem)))
+    all_told, little = (
+        normalise_move(problem, replace(minimum, information=share * problem.pose_information))
+        for share in (1e6, 0.1)
+    )
+    assert all_told == pytest.approx(minimum.step.process, rel=1e-3)
+    assert little == pytest.approx(11 * all_told, rel=1e-3), "a tenth of the prior's information explains 1 / 11"
 
 
 _PERIOD = 0.04
