@@ -122,6 +122,7 @@ def test_an_experiment_reports_what_it_leaves_out(installed: Installed) -> None:
     assert (installed.folder / "planners" / "results.json").is_file()
 
 
+@pytest.mark.nightly  # two minutes; the bench's parts have their own tests
 def test_a_quick_bench(installed: Installed) -> None:
     assert installed.numbers("bench", "--quick")["plan"]["ratio"] > 1
 

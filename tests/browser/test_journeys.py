@@ -110,7 +110,9 @@ def test_an_own_capture_is_learned_and_flown_in(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("place", "robot"), [("church", "couch"), ("stonehenge", "diffdrive")])
+@pytest.mark.parametrize(("place", "robot"), [
+    pytest.param("church", "couch", marks=pytest.mark.nightly), ("stonehenge", "diffdrive")
+])  # fmt: skip
 def test_robots_on_the_ground_are_chosen_planned_for_and_flown(
     browser_app: Callable[[str], Tab], place: str, robot: str
 ) -> None:
