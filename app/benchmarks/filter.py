@@ -3,6 +3,7 @@
 Both get the same beliefs and pictures, and compare 1,024 pixels with the field.
 """
 
+import math
 import statistics
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,6 +13,8 @@ from torch import Tensor
 
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, PyramidConfig
+from nerfnav.estimator.gauss_newton.alignment import align, start_at_mean
+from nerfnav.estimator.gauss_newton.posterior import UpdateProblem, compute_posterior
 from nerfnav.experiments import Arena
 from nerfnav.experiments.arena import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState, StateNoise
@@ -68,6 +71,33 @@ def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int =
         detail[f"{name}_position_rmse_m"] = _rmse(errors[:, POSITION])
         detail[f"{name}_rotation_rmse_rad"] = _rmse(errors[:, ATTITUDE])
     return Comparison("filter", slow_ms, fast_ms, used, detail)
+
+
+def measure_covariance(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int = 5) -> Comparison:
+    """Time the posterior at the minimum of the same updates, which no gate rejects.
+
+    The paper's way is the exact Hessian, differentiated in plain torch; the fast one is Gauss-Newton's information,
+    which the descent leaves.
+    """
+    fast = bench_filter(arena)
+    with both_threads() as used:
+        found = [_compare_covariances(fast, one, rounds, fast_per_round) for one in situations(arena, views)]
+    slow_ms, fast_ms = zip(*found, strict=True)
+    detail = {"pixels": float(_PIXELS), "views": float(views)}
+    return Comparison("hessian", statistics.median(slow_ms), statistics.median(fast_ms), used, detail)
+
+
+def _compare_covariances(fast: FastFilter, now: Situation, rounds: int, per_round: int) -> tuple[float, float]:
+    """Times of both [ms]."""
+    prediction, noise = fast.predict(now.belief, now.action, _DT)
+    config = replace(fast.config, innovation_gate=math.inf, residual_gate=math.inf)
+    problem = UpdateProblem(fast.view, config, prediction, now.image, torch.Generator().manual_seed(0), noise)
+    minimum = run_steps(align(problem, config.pyramid.stages(many=False), start_at_mean(problem)))
+    exact = replace(problem, config=replace(config, exact_covariance=True))
+    slow_ms, fast_ms, _, _ = time_interleaved(
+        lambda: compute_posterior(exact, minimum), lambda: compute_posterior(problem, minimum), rounds, per_round
+    )
+    return slow_ms, fast_ms
 
 
 def bench_filter(arena: Arena) -> FastFilter:

@@ -117,7 +117,7 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
     """Figures of one flight; None where there are none."""
     last = flown[-1] if flown else None
     return {
-        "outcome": _outcome_by_truth(last, goal),
+        "outcome": outcome_by_truth(last, goal),
         "steps": len(steps["nees"]),
         "hits_expected": flown[0].hits_expected if flown else None,
         "collision_probability": flown[0].collision_probability if flown else None,
@@ -133,7 +133,7 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
     }
 
 
-def _outcome_by_truth(last: NavigationStep | None, goal: RigidState) -> str:
+def outcome_by_truth(last: NavigationStep | None, goal: RigidState) -> str:
     """Name the outcome of a flight by where the robot is: one that only believes to have arrived has diverged."""
     if last is None or last.outcome is None:
         return REFUSED

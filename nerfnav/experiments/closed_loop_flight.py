@@ -54,7 +54,7 @@ from nerfnav.planner import (
     settle_ends,
 )
 from nerfnav.planner.solvers.duration import is_hurried
-from nerfnav.robots import Quadrotor, RigidState, Robot, StateNoise
+from nerfnav.robots import Motion, Quadrotor, RigidState, Robot, StateNoise
 from nerfnav.world import Task, contact_check, level_contact_check
 
 KNOWN = StateNoise.isotropic(1e-8)
@@ -131,6 +131,8 @@ class FlightTrial:
     """Name or file of what flies; None: what the task is for."""
     fly_on: bool = False
     """Fly on after a contact, which is counted."""
+    open_loop: bool = False
+    """Fly the first plan blindly."""
 
 
 def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
@@ -138,13 +140,18 @@ def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
     return fly_problem(arena, make_problem(arena, find_task(arena, trial), trial), trial)
 
 
-def fly_problem(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> list[NavigationStep]:
-    """Fly the problem of a trial and return its time steps; none where it cannot begin."""
+def fly_problem(
+    arena: Arena, problem: PlanProblem, trial: FlightTrial, plan: Motion | None = None
+) -> list[NavigationStep]:
+    """Fly the problem of a trial and return its time steps; none where it cannot begin.
+
+    `plan` is a first plan that is already made; None: plan now.
+    """
     supports = settle_ends(arena.field, problem.field, problem.robot, problem.start, problem.goal)
     if any(support.footing.is_refused for support in supports):
         return []
     try:
-        return [event for event in _flight(arena, problem, trial) if isinstance(event, NavigationStep)]
+        return [event for event in _flight(arena, problem, trial, plan) if isinstance(event, NavigationStep)]
     except (OccupiedError, OutsideBoxError):
         return []
 
@@ -179,9 +186,11 @@ def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     return replace(problem, steps=timing.steps)
 
 
-def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[FlightStep]:
+def _flight(
+    arena: Arena, problem: PlanProblem, trial: FlightTrial, plan: Motion | None
+) -> Iterator[FlightStep]:
     world = WORLDS[trial.world]
-    config = world.configure(NavigateConfig(fly_on=trial.fly_on))
+    config = world.configure(NavigateConfig(open_loop=trial.open_loop, fly_on=trial.fly_on))
     config = replace(config, filter=config.filter.for_field(arena.field.info))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
@@ -211,7 +220,7 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
         searcher = make_searcher(arena, robot.camera, config.filter.color_noise)
         stack = NavigationStack(planner, estimator, searcher, safety_filter, arena.field, map_error)
         stack = compensate_latency(stack, simulator)
-    request = FlightRequest(problem.goal, problem.steps, problem.dt)
+    request = FlightRequest(problem.goal, problem.steps, problem.dt, plan)
     return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))
 
 

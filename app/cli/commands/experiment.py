@@ -1,6 +1,6 @@
 """nerfnav experiment: reproduce the experiments of the paper, and run those of nerfnav."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
 from tyro.conf import arg
@@ -9,7 +9,7 @@ from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output, note
-from nerfnav_app.jobs.measure.experiment import ExperimentOptions, ExperimentRequest
+from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentOptions, ExperimentRequest
 from nerfnav_app.jobs.measure.experiment import run as run_job
 
 
@@ -18,17 +18,18 @@ class Arguments(ExperimentOptions, Output):
     """Run an experiment: many trials, judged on the ground truth, with a table and figures."""
 
     ends: EndsChoice | None = None
-    """Flights: start and goal of the tasks in turn, random ones, or both in turn (default: both)."""
+    """Flights, replanning: ends of the tasks in turn, random ones, or both in turn (default: both; replanning:
+    tasks)."""
     world: WorldName | None = None
-    """Flights: the paper's noise, or motors, drag, wind and late pictures (default: paper)."""
+    """Flights, replanning: the paper's noise, or motors, drag, wind and late pictures (default: paper)."""
     risk_weight: float | None = None
-    """Flights: cost of a collision by noise [J], as in `fly`; 0 plans without noise."""
+    """Flights, replanning: cost of a collision by noise [J], as in `fly`; 0 plans without noise."""
     truth: bool = False
     """Flights: fly each a second time with the true state, to show what noise alone costs."""
     robot: Annotated[str | None, arg(metavar="NAME|FILE")] = None
-    """Flights: the robot, as in `fly` (default: that of the tasks)."""
+    """Flights, replanning: the robot, as in `fly` (default: that of the tasks)."""
     fly_on: bool = False
-    """Flights: count a contact and fly on, as in `fly` (default: a contact ends the flight)."""
+    """Flights: count a contact and fly on, as in `fly` (default: a contact ends the flight). Replanning always does."""
 
 
 def run(arguments: Arguments) -> None:
@@ -49,10 +50,7 @@ def run(arguments: Arguments) -> None:
 
 
 def _options(arguments: Arguments) -> FlightOptions | None:
-    """Options of whole flights; None where none was given."""
-    given = arguments.ends, arguments.world, arguments.risk_weight, arguments.robot
-    truth, fly_on = arguments.truth, arguments.fly_on
-    if all(option is None for option in given) and not (truth or fly_on):
-        return None
-    ends, world, risk, robot = given
-    return FlightOptions(ends or FlightOptions.ends, world or FlightOptions.world, risk, truth, robot, fly_on)
+    """Options of whole flights, those that were not given as the experiment has them; None where none was given."""
+    found = {option.name: getattr(arguments, option.name) for option in fields(FlightOptions)}
+    given = {name: value for name, value in found.items() if value is not None and value is not False}
+    return replace(EXPERIMENTS[arguments.name].flights or FlightOptions(), **given) if given else None

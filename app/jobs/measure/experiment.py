@@ -32,9 +32,11 @@ from nerfnav.experiments import (
     planners,
     reflight,
     relocalisation,
+    replanning,
     tangent,
 )
 from nerfnav.world import Task
+from nerfnav_app.benchmarks import timing
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.measure.arena import open_arena
 from nerfnav_app.jobs.measure.results import png_of, save_results
@@ -59,8 +61,8 @@ class Experiment:
     """Flights in that place; None: those of its scene."""
     beside: tuple[str, ...] = ()
     """Further scenes that it happens in where no place is asked for."""
-    flies: bool = False
-    """Takes the options of whole flights (Study.flights)."""
+    flights: FlightOptions | None = None
+    """Options of whole flights where none are given; None: it takes none."""
 
     def tasks_in(self, place: str, arena: Arena) -> tuple[Task, ...]:
         """Its own flights where it happens in its own place, else those of the scene."""
@@ -79,7 +81,20 @@ EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
         "flights",
         closed_loop.run,
         "whole flights by camera, of the tasks and between random ends: how many arrive, errors, honesty, times",
-        flies=True,
+        flights=FlightOptions(),
+    ),
+    Experiment(
+        "replanning",
+        replanning.run,
+        "the same first plans in closed loop by camera and in open loop, under the same noise: how many arrive",
+        place="playground",
+        beside=("stonehenge", "church", "apartment"),
+        flights=FlightOptions("tasks", fly_on=True),
+    ),
+    Experiment(
+        "timing",
+        timing.run,
+        "plan, replan, filter and covariance: times printed in the paper, its way on this machine, and nerfnav",
     ),
     Experiment(
         "collision-correlation",
@@ -161,9 +176,9 @@ class ExperimentRequest(ExperimentOptions):
 def run(request: ExperimentRequest) -> JobEvents:
     """Yield how far it is; return the summary and what was written. Raises NerfnavError for bad requests."""
     experiment = EXPERIMENTS[request.name]
-    if request.flights is not None and not experiment.flies:
-        flying = ", ".join(name for name, other in EXPERIMENTS.items() if other.flies)
-        raise InvalidInputError(f"the experiment {request.name} takes no options of whole flights, only {flying} does")
+    if request.flights is not None and experiment.flights is None:
+        flying = ", ".join(name for name, other in EXPERIMENTS.items() if other.flights is not None)
+        raise InvalidInputError(f"the experiment {request.name} takes no options of whole flights, only {flying} do")
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("opening the field", 0.0)
     place = request.place or experiment.place
@@ -173,7 +188,7 @@ def run(request: ExperimentRequest) -> JobEvents:
     journal = None if out is None else Journal(out / "trials.jsonl", f"{about} {place}")
     study = Study(
         open_here, tasks, request.trials, request.seed, request.jobs, request.ray,
-        request.flights or FlightOptions(), journal,
+        request.flights or experiment.flights or FlightOptions(), journal,
     )  # fmt: skip
     further = experiment.beside if request.place is None else ()
     study = replace(study, beside=tuple(_elsewhere(study, name, about) for name in further))

@@ -31,7 +31,12 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
         (["experiment", "planners", "--jobs", "0"], "nerfnav: --jobs must be 1 or more, not 0"),
         (["experiment", "flights", "--risk-weight", "-1"], "nerfnav: --risk-weight must be a number, at least 0"),
         (["experiment", "flights", "--ends", "all"], "Expected one of both, random, tasks; see `nerfnav"),
-        (["experiment", "planners", "--truth"], "takes no options of whole flights"),
+        (["experiment", "planners", "--truth"], "takes no options of whole flights, only flights, replanning do"),
+        (["experiment", "replanning", "--truth"], "drop --truth"),
+        (["experiment", "replanning", "--trials", "-1"], "nerfnav: --trials must be 1 or more, not -1"),
+        (["experiment", "nothing", "--truth"], "there is no experiment named 'nothing'"),
+        (["experiment", "timing", "--jobs", "2"], "drop --jobs"),
+        (["experiment", "timing", "--fly-on"], "takes no options of whole flights"),
         (["bench", "--place", "nowhere"], "'nowhere'"),
     ],
 )
