@@ -266,11 +266,9 @@ def make_camera(
     if plain not in _FISHEYE + _BROWN + _NO_LENS:
         known = ", ".join((*_BROWN[:4], *_FISHEYE))
         raise InvalidInputError(f"the lens model {printable(model)!r} is not known here; known are {known}")
-    if not all(edge is not None and 1 <= edge < LARGEST and edge == int(edge) for edge in size):
+    if not all(edge is not None and abs(edge) < LARGEST and edge == int(edge) for edge in size):
         raise InvalidInputError("the picture's width and height are missing, or no whole numbers")
     fx, fy, cx, cy = numbers
-    if not (fx > 0 and fy > 0 and all(map(math.isfinite, numbers))):
-        raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
     fisheye = plain in _FISHEYE
     if any(coefficients[4 if fisheye else 5 :]):
         names = "k1, k2, k3 and k4" if fisheye else "k1, k2, p1, p2 and k3"

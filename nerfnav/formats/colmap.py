@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.formats.record import read_text
+from nerfnav.formats.record import printable, read_text
 
 FILES = ("cameras", "images", "points3D")
 """Files of a model, each with the suffix .bin or .txt."""
@@ -48,7 +48,8 @@ class ColmapCamera:
     def require_known(self) -> "ColmapCamera":
         """Raise InvalidInputError for a model that is not known here, or other parameters than it has."""
         if self.model not in _MODELS:
-            raise InvalidInputError(f"{self.where} has the camera model {self.model}; known are: {', '.join(_MODELS)}")
+            model, known = printable(self.model), ", ".join(_MODELS)
+            raise InvalidInputError(f"{self.where} has the camera model {model}; known are: {known}")
         count = _MODELS[self.model][1]
         if len(self.numbers) != count:
             raise InvalidInputError(
@@ -227,7 +228,8 @@ def _text_cameras(path: Path) -> Iterator[ColmapCamera]:
         try:
             number, model, *words = line.split()
             width, height, *values = map(float, words)
-            yield ColmapCamera(int(number), model, (width, height), tuple(values), f"camera {number} in {path}")
+            where = f"camera {printable(number)} in {path}"
+            yield ColmapCamera(int(number), model, (width, height), tuple(values), where)
         except ValueError as error:
             raise InvalidInputError(f"{path} has a line that describes no camera: {line[:60]!r}") from error
 

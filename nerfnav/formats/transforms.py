@@ -31,9 +31,9 @@ _LOOKS = "it changes how pictures look, and nerfnav learns them as they are"
 
 Row = Annotated[list[Number], Meta(min_length=4, max_length=4)]
 Matrix = Annotated[list[Row], Meta(min_length=3, max_length=4)]
-Angle = Annotated[float, Meta(gt=0, lt=math.pi)]
+Angle = Annotated[float, Meta(ge=0.001, le=3.141)]
 """Opening angle [rad]."""
-Degrees = Annotated[float, Meta(gt=0, lt=180)]
+Degrees = Annotated[float, Meta(ge=0.05, le=179.9)]
 """Opening angle [degrees]."""
 Stamp = Annotated[float, Meta(gt=-1e20, lt=1e20)]
 """Time [s], or a count of nanoseconds since 1970."""

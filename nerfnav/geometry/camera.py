@@ -38,6 +38,32 @@ FORWARD_MOUNT = Pose(R_BODY_CAMERA, torch.zeros(3))
 """T_body_camera of a camera at the body's origin, looking forward."""
 
 
+LARGEST_SIDE = 65536
+"""Bound of the width and the height of a picture [pixels]."""
+_FOCAL = (1e-4, 1e4)
+"""Bounds of focal lengths, in widths and heights: views of 179.98 degrees to 20 seconds of arc."""
+_FARTHEST = 1e4
+"""Bound of the distance of a principal point from the picture, in widths and heights: pictures may be cut from one."""
+
+
+def require_lens(focal: tuple[float, float], center: tuple[float, float]) -> None:
+    """Raise InvalidInputError for focal lengths or a principal point, in widths and heights, that no camera has.
+
+    Rays are computed in single precision, which overflows beyond the bounds.
+    """
+    if not all(_FOCAL[0] <= length <= _FOCAL[1] for length in focal):
+        shown = " and ".join(f"{length:g}" for length in focal)
+        raise InvalidInputError(
+            f"focal lengths are above 0 pixels, and {_FOCAL[0]:g} to {_FOCAL[1]:g} times the picture's width and "
+            f"height, not {shown} times"
+        )
+    if not all(abs(share) <= _FARTHEST for share in center):
+        raise InvalidInputError(
+            f"the principal point is {center[0]:g} widths and {center[1]:g} heights from the picture's corner: it "
+            f"lies within {_FARTHEST:g}"
+        )
+
+
 @dataclass(frozen=True)
 class Camera:
     """Intrinsics of an image of `height` x `width` pixels: a pinhole's, and perhaps a lens's distortion."""
@@ -61,7 +87,12 @@ class Camera:
     """The lens is a fisheye: a pixel stands for an angle, not for a point of a plane."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError for a distortion of another model."""
+        """Raise InvalidInputError for a size or a lens that no camera has, and for a distortion of another model."""
+        if not (1 <= self.width <= LARGEST_SIDE and 1 <= self.height <= LARGEST_SIDE):
+            raise InvalidInputError(
+                f"a picture is 1 to {LARGEST_SIDE} pixels wide and high, not {self.width:g} x {self.height:g}"
+            )
+        require_lens((self.fx / self.width, self.fy / self.height), (self.cx / self.width, self.cy / self.height))
         counts = (4,) if self.fisheye else COUNTS
         if len(self.distortion) not in counts or not all(map(math.isfinite, self.distortion)):
             raise InvalidInputError(

@@ -135,6 +135,8 @@ def test_colmaps_cameras_are_a_calibration(tmp_path: Path, fisheye: bool) -> Non
         ("1 OMNI 64 48 50\n", "known are: SIMPLE_PINHOLE"),
         ("1 PINHOLE 64 48 50 50 32\n", "has 3 numbers, but the model PINHOLE has 4"),
         ("1 PINHOLE 64 48 50 -50 32 24\n", "focal lengths are above 0"),
+        ("1 PINHOLE 64 48 50 1e-30 32 24\n", "cameras.txt .* focal lengths are above 0"),
+        (f"1 {5000 * 'A'} 64 48 50 50 32 24\n", "camera model A{40}\\.\\.\\.; known"),
         ("1 FULL_OPENCV 64 48 50 50 32 24 0 0 0 0 0 1 0 0\n", "calibrate with those"),
     ],
 )

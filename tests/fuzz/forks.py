@@ -17,10 +17,9 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -172,12 +171,21 @@ def _shorten_searches() -> None:
         "kept": (2, 2, 1, 1), "iterations": (2, 2, 1, 1), "attempts": 1, "pixels": 64, "settling_pixels": 64,
         "restarts": 1,
     }  # fmt: skip
-    few = {"spacing": 0.6, "pitches": (0.0,), "rolls": (0.0,), "most_places": 30}
-    RelocaliseConfig.__init__ = partialmethod(RelocaliseConfig.__init__, **short)  # type: ignore[method-assign]
-    CameraCheckConfig.__init__ = partialmethod(  # type: ignore[method-assign]
-        CameraCheckConfig.__init__, tried=(0.0,), frames=2
-    )
-    PanoramaConfig.__init__ = partialmethod(PanoramaConfig.__init__, **few)  # type: ignore[method-assign]
+    few = {"spacing": 0.6, "pitches": (0.0,), "rolls": (0.0,), "most_places": 8}
+    once = {"tried": (0.0,), "frames": 1}
+    for kind, fixed in ((RelocaliseConfig, short), (PanoramaConfig, few), (CameraCheckConfig, once)):
+        _fix_fields(kind, fixed)
+
+
+def _fix_fields(kind: type, fixed: Mapping[str, object]) -> None:
+    """Let a record have the same values in some of its fields, whatever it is made with."""
+    make = kind.__init__  # type: ignore[misc]
+
+    def make_fixed(self: object, **fields: object) -> None:
+        make(self, **{**fields, **fixed})
+
+    kind.__init__ = make_fixed  # type: ignore[misc]
+
 
 
 def _limit() -> None:

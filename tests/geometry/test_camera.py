@@ -115,3 +115,19 @@ def test_what_is_behind_a_camera_or_beside_its_picture_is_not_in_it() -> None:
     assert inside.tolist() == [False, False, False, True]
     assert uv[:2].isnan().all()
     assert uv[3].tolist() == pytest.approx([39.8, 39.8])
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ((48, 36, 40.0, 1e-171, 24.0, 18.0), "focal lengths are above 0 pixels"),
+        ((48, 36, math.nan, 40.0, 24.0, 18.0), "focal lengths are above 0 pixels"),
+        ((48, 36, 1e30, 40.0, 24.0, 18.0), "focal lengths are above 0 pixels"),
+        ((48, 36, 40.0, 40.0, -1e30, 18.0), "the principal point is"),
+        ((0, 36, 40.0, 40.0, 24.0, 18.0), "1 to 65536 pixels"),
+        ((48, 70000, 40.0, 40.0, 24.0, 18.0), "1 to 65536 pixels"),
+    ],
+)
+def test_numbers_whose_rays_would_overflow_are_refused(numbers: tuple[float, ...], said: str) -> None:
+    with pytest.raises(InvalidInputError, match=said):
+        Camera.of_numbers(numbers)

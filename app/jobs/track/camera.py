@@ -17,6 +17,8 @@ from nerfnav.importers.core.stored_picture import focal_35mm
 
 _DIAGONAL_35MM = 43.27
 """Of 35 mm film [mm]."""
+_TRIED = 33
+"""Pixels along each side of a picture at which a distortion is undone."""
 
 
 def read_image(path: Path, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
@@ -51,6 +53,22 @@ class GivenCamera:
         return Camera.of_numbers(remembered).aspect if known else None
 
 
+def fit_camera(camera: Camera, image: UInt8[Tensor, "height width 3"], where: str) -> Camera:
+    """Fit a camera to the resolution of a picture, and check that its distortion can be undone.
+
+    `where` names the file of the camera. Raises InvalidInputError for a picture of other proportions, and for a
+    distortion that folds the picture.
+    """
+    height, width, _ = image.shape
+    try:
+        fitted = camera.for_picture(width, height)
+        columns, rows = (torch.linspace(0, edge - 1, min(edge, _TRIED)).long() for edge in (width, height))
+        fitted.directions(torch.cartesian_prod(columns, rows))  # which refuses what cannot be undone
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{where}: {error}") from error
+    return fitted
+
+
 def camera_of(
     image: UInt8[Tensor, "height width 3"],
     given: GivenCamera,
@@ -64,12 +82,10 @@ def camera_of(
     """
     height, width, _ = image.shape
     if given.calibration is not None:
-        return read_camera(given.calibration).for_picture(width, height), f"calibration {given.calibration.name}"
+        camera = read_camera(given.calibration)
+        return fit_camera(camera, image, str(given.calibration)), f"calibration {given.calibration.name}"
     if given.intrinsics is not None:
-        fx, fy, cx, cy = given.intrinsics
-        if not (fx > 0 and fy > 0):
-            raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
-        return Camera(width, height, fx, fy, cx, cy), "the given intrinsics"
+        return Camera(width, height, *given.intrinsics), "the given intrinsics"
     if given.fov_deg is not None:
         return Camera.from_fov(width, height, given.fov_deg), "the given field of view"
     if remembered:

@@ -20,7 +20,7 @@ from nerfnav.tracking import (
     open_source,
 )
 from nerfnav_app.jobs.events import FrameTracked, JobEvent, Progress
-from nerfnav_app.jobs.track.camera import GivenCamera, camera_of
+from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, fit_camera
 from nerfnav_app.jobs.track.camera_check import CalibrationFile, numbers_of_check, require_clear
 from nerfnav_app.jobs.track.imu import GivenImu, describe_biases
 
@@ -68,7 +68,7 @@ class TrackedCamera:
         first = next(source.frames(), None)
         if first is None:
             raise InvalidInputError(f"{asked.source} has no pictures")
-        camera, origin = _camera(source, first, asked.camera, place.info)
+        camera, origin = _camera(source, first, asked, place.info)
         if asked.calibration is not None:
             asked.calibration.prepare()
             asked.calibration.require_pictures(source, asked.source)
@@ -77,7 +77,10 @@ class TrackedCamera:
             tracker = Tracker(place, camera, config=config)
         else:
             unit, mount = asked.imu.of(source, asked.source)
-            unit.check(first.time)
+            try:
+                unit.check(first.time)
+            except InvalidInputError as error:
+                raise InvalidInputError(f"{asked.source}: {error}") from error
             tracker = Tracker(place, camera, mount=mount, config=config, inertial=unit)
         fit = check_camera(tracker, source.frames, camera_of_photographs(place.info, camera))
         if fit is not None and not fit.ok:
@@ -114,8 +117,7 @@ class TrackedCamera:
             yield Progress(tracked.status.name.lower().replace("_", " "), share)
 
 
-def _camera(source: FrameSource, first: Frame, given: GivenCamera, info: FieldInfo) -> tuple[Camera, str]:
-    if source.camera is not None and given == GivenCamera():
-        height, width, _ = first.picture.shape
-        return source.camera.for_picture(width, height), "what the source says"
-    return camera_of(first.picture, given, info.camera)
+def _camera(source: FrameSource, first: Frame, asked: CameraRun, info: FieldInfo) -> tuple[Camera, str]:
+    if source.camera is not None and asked.camera == GivenCamera():
+        return fit_camera(source.camera, first.picture, f"{first.name} of {asked.source}"), "what the source says"
+    return camera_of(first.picture, asked.camera, info.camera)

@@ -156,4 +156,6 @@ def _pose(image: ColmapImage) -> np.ndarray:
 
 def _lens(camera: ColmapCamera) -> Lens:
     camera.require_known()
-    return Lens.measured(camera.size, camera.focal, camera.center, *camera.distortion, fisheye=camera.fisheye)
+    return Lens.measured(
+        camera.where, camera.size, camera.focal, camera.center, *camera.distortion, fisheye=camera.fisheye
+    )

@@ -111,7 +111,7 @@ def read_polycam(folders: tuple[Path, Path]) -> Views:
 
 def _polycam_view(file: Path, camera: PolycamCamera, files: NamedFiles, images: Path) -> View:
     rows = [[getattr(camera, f"t_{row}{column}") for column in range(4)] for row in range(3)]
-    lens = Lens.measured((camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy))
+    lens = Lens.measured(str(file), (camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy))
     depth, confidence = (images.parent / part / f"{file.stem}.png" for part in ("depth", "confidence"))
     pose = rigid_pose(rows, file.name)
     return View(file.stem, files.find(file.stem), lens, pose, depth=_lidar_depth(depth, confidence))
@@ -191,7 +191,7 @@ def _record3d_lens(index: int, content: Record3dMetadata, where: str) -> Lens:
         fx, _, _, _, fy, _, cx, cy, _ = content.K
     else:
         raise CaptureError(f"{where} has no intrinsics: K, or its own of perFrameIntrinsicCoeffs, is needed")
-    return Lens.measured((content.w, content.h), (fx, fy), (cx, cy))
+    return Lens.measured(where, (content.w, content.h), (fx, fy), (cx, cy))
 
 
 class ScannerFrame(Struct):
@@ -232,7 +232,7 @@ def read_scanner(frames: list[Path]) -> Views:
 
 def _scanner_view(file: Path, frame: ScannerFrame, photograph: Path) -> View:
     fx, _, cx, _, fy, cy, *_ = frame.intrinsics
-    lens = Lens.measured(_picture_size(photograph, (2 * cx, 2 * cy)), (fx, fy), (cx, cy))
+    lens = Lens.measured(str(file), _picture_size(photograph, (2 * cx, 2 * cy)), (fx, fy), (cx, cy))
     number = file.stem.removeprefix("frame_")
     depth, confidence = (file.with_name(f"{part}_{number}.png") for part in ("depth", "conf"))
     map_file = _lidar_depth(depth, confidence) or _lidar_depth(file.with_suffix(".exr"), confidence, 1.0)

@@ -101,4 +101,4 @@ def _lens(record: Transforms, frame: Frame, where: str) -> Lens:
         distortion = lens.distortion if any(lens.distortion) else ()
         return Lens(lens.fx, lens.fy, distortion=distortion, fisheye=lens.fisheye)
     fy = lens.fx if lens.fy is None else lens.fy
-    return Lens.measured(lens.size, (lens.fx, fy), (lens.cx, lens.cy), *lens.distortion, fisheye=lens.fisheye)
+    return Lens.measured(where, lens.size, (lens.fx, fy), (lens.cx, lens.cy), *lens.distortion, fisheye=lens.fisheye)

@@ -21,7 +21,7 @@ from nerfnav.importers.captures.views import CaptureError, DepthFile, Lens, View
 _LISTS = ("rgb.txt", "groundtruth.txt")
 _CALIBRATIONS = ("calibration", "camera", "sensor", "camera_info")
 """Names of a calibration beside the lists, as .yaml, .yml, .json or .xml."""
-_BENCHMARK = Lens.measured((640, 480), (525.0, 525.0), (319.5, 239.5))
+_BENCHMARK = Lens.measured("TUM", (640, 480), (525.0, 525.0), (319.5, 239.5))
 """Lens that the benchmark gives for all its cameras."""
 _UNIT = 1 / 5000
 _APART = 0.02
@@ -103,4 +103,4 @@ def _lens(folder: Path) -> tuple[Lens, tuple[str, ...]]:
         return _BENCHMARK, (words,)
     camera = read_camera(path)
     size, focal, center = (camera.width, camera.height), (camera.fx, camera.fy), (camera.cx, camera.cy)
-    return Lens.measured(size, focal, center, *camera.distortion, fisheye=camera.fisheye), ()
+    return Lens.measured(str(path), size, focal, center, *camera.distortion, fisheye=camera.fisheye), ()

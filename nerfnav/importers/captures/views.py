@@ -15,6 +15,7 @@ import numpy as np
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.formats import LARGEST, KeyReport, parse_json, read_record, read_text
 from nerfnav.geometry import Camera
+from nerfnav.geometry.camera import require_lens
 
 R = TypeVar("R", bound=msgspec.Struct)
 _SKEWED = 1e-2
@@ -47,23 +48,27 @@ class Lens:
     @classmethod
     def measured(
         cls,
+        where: str,
         size: tuple[float, float],
         focal: tuple[float, float],
         center: tuple[float, float],
         *distortion: float,
         fisheye: bool = False,
     ) -> "Lens":
-        """From numbers in pixels. Raises CaptureError where they are those of no lens."""
+        """From numbers in pixels; `where` names their file. Raises CaptureError where they are those of no lens."""
         width, height = size
         numbers = (*size, *focal, *center, *distortion)
         if not all(abs(number) < LARGEST for number in numbers) or min(size) < 1:
-            raise CaptureError(f"a lens needs finite numbers and a size of at least one pixel, not {numbers}")
-        if min(focal) <= 0:
-            raise CaptureError(f"a focal length must be above 0, not {min(focal):g}")
+            shown = ", ".join(f"{number:g}" for number in numbers)
+            raise CaptureError(f"{where}: a lens needs finite numbers and a size of at least one pixel, not {shown}")
         padded = (distortion + 8 * (0.0,))[: 4 if fisheye else 8]
         coefficients = padded if fisheye or any(distortion) else ()
-        shares = center[0] / width, center[1] / height
-        return cls(focal[0] / width, focal[1] / height, shares, coefficients, width / height, fisheye)
+        focal_u, focal_v, shares = focal[0] / width, focal[1] / height, (center[0] / width, center[1] / height)
+        try:
+            require_lens((focal_u, focal_v), shares)
+        except InvalidInputError as error:
+            raise CaptureError(f"{where}: {error}") from error
+        return cls(focal_u, focal_v, shares, coefficients, width / height, fisheye)
 
     def camera(self, width: int, height: int) -> Camera:
         """The camera of a picture of that size [pixels]; a distortion is left out, but for a fisheye's.

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from nerfnav.formats.record import printable
 from nerfnav.importers.core.kinds import decode_text
 from nerfnav.importers.meshes.parts import GREY, DamagedMeshError, Part, srgb_bytes
 from nerfnav.importers.meshes.polygons import triangulate
@@ -142,7 +143,7 @@ def _rows(content: _Content, keyword: str, least: int) -> Float[np.ndarray, "n k
         for number, row in zip(content.numbers[keyword], rows, strict=True):
             if len(row.split()) < least or not all(map(_is_number, row.split())):
                 raise DamagedMeshError(
-                    f"is damaged: line {number}, `{keyword} {row[:60]}`, has not {least} numbers"
+                    f"is damaged: line {number}, `{keyword} {printable(row)}`, has not {least} numbers"
                 ) from error
         raise
 

@@ -268,7 +268,10 @@ def open_bag(path: Path, topic: str | None = None) -> BagSource:
     camera = None if given is None else _camera(path, given, topic)
     picture = _picture(path, "frame 0", first[1], camera)
     if camera is not None:
-        camera = camera.for_picture(picture.shape[1], picture.shape[0])
+        try:
+            camera = camera.for_picture(picture.shape[1], picture.shape[0])
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{given} of {path}: {error}") from error
     imu = nearest([name for name, about in topics.items() if about.msgtype == IMU and about.msgcount], topic)
     return BagSource(path, topic, camera, topics[topic].msgcount, imu)
 

@@ -77,7 +77,7 @@ def test_a_fisheye_is_known_as_one_also_without_distortion(
 
 @pytest.mark.parametrize("binary", [False, True])
 def test_a_focal_length_of_zero_is_refused(tmp_path: Path, binary: bool) -> None:
-    with pytest.raises(CaptureError, match="focal length must be above 0, not 0"):
+    with pytest.raises(CaptureError, match=r"camera 7 in .*: focal lengths are above 0 pixels"):
         read_views(write_colmap(tmp_path, binary, (0, "SIMPLE_PINHOLE", (0.0, 24.0, 18.0))))
 
 
@@ -221,3 +221,14 @@ def test_names_of_windows_and_other_capitals_are_found(tmp_path: Path) -> None:
     (folder / "images").mkdir()
     (folder / "left").rename(folder / "images" / "left")
     assert all(view.exists for view in read_views(folder).views)
+
+
+@pytest.mark.parametrize("focal", ["1e-30", "1e30", "-1", "nan"])
+def test_a_focal_length_of_no_lens_is_told_with_its_camera(tmp_path: Path, focal: str) -> None:
+    write_colmap(tmp_path, binary=False)
+    cameras = tmp_path / "sparse" / "0" / "cameras.txt"
+    number = next(line for line in cameras.read_text().splitlines() if not line.startswith("#")).split()[0]
+    cameras.write_text(f"{number} PINHOLE 48 36 40 {focal} 24 18\n")
+    with pytest.raises(CaptureError, match=f"camera {number} in .*cameras.txt") as error:
+        read_views(tmp_path)
+    assert len(str(error.value)) < 400

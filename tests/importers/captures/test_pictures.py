@@ -93,20 +93,21 @@ def test_a_distortion_that_folds_the_picture_is_refused() -> None:
 
 
 def test_smaller_pictures_are_means_and_keep_their_view() -> None:
-    lens = Lens.measured((48, 36), (40.0, 41.0), (23.0, 18.5))
+    lens = Lens.measured("a test", (48, 36), (40.0, 41.0), (23.0, 18.5))
     small = shrink_picture(picture(CAMERA, POSE), lens, 4)
     assert (small.camera.width, small.camera.height, small.camera.fx, small.camera.cy) == (12, 9, 10.0, 18.5 / 4)
     assert np.abs(small.pixels.astype(float) - picture(small.camera, POSE)).mean() < 2
 
 
 def test_pictures_that_were_stored_smaller_than_measured_fit_their_lens() -> None:
-    lens = Lens.measured((96, 72), (80.0, 82.0), (46.0, 37.0))
+    lens = Lens.measured("a test", (96, 72), (80.0, 82.0), (46.0, 37.0))
     assert shrink_picture(picture(CAMERA, POSE), lens, 1).camera == CAMERA
 
 
 def test_a_picture_of_another_shape_than_its_lens_is_refused() -> None:
     with pytest.raises(CaptureError, match="was it cropped or turned"):
-        shrink_picture(np.zeros((48, 36, 3), np.uint8), Lens.measured((48, 36), (40.0, 40.0), (24.0, 18.0)), 1)
+        lens = Lens.measured("a test", (48, 36), (40.0, 40.0), (24.0, 18.0))
+        shrink_picture(np.zeros((48, 36, 3), np.uint8), lens, 1)
 
 
 def test_what_is_clear_is_white() -> None:
@@ -135,7 +136,7 @@ def test_a_picture_whose_stored_pixels_fit_its_lens_is_not_turned_by_its_exif(tm
     turned = Image.Exif()
     turned[0x0112] = 6
     Image.new("RGB", (5, 4)).save(tmp_path / "a.jpg", exif=turned)
-    pixels = read_pixels(tmp_path / "a.jpg", Lens.measured((5, 4), (4.0, 4.0), (2.5, 2.0)))
+    pixels = read_pixels(tmp_path / "a.jpg", Lens.measured("a test", (5, 4), (4.0, 4.0), (2.5, 2.0)))
     assert pixels is not None and pixels.shape == (4, 5, 3)
 
 

@@ -123,7 +123,7 @@ MIRRORED = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]
         (lambda said: said.update(fl_x=10**400), "fl_x is infinite, or too large a number, a finite number"),
         (lambda said: said.update(w=0), "w is 0, a number at least 1 is needed"),
         (lambda said: (said.pop("fl_x"), said.pop("fl_y")), "no intrinsics"),
-        (lambda said: (said.pop("fl_x"), said.update(camera_angle_x=4)), "camera_angle_x is 4, a number below 3.14159"),
+        (lambda said: (said.pop("fl_x"), said.update(camera_angle_x=4)), "camera_angle_x is 4, a number at most 3.141"),
         (lambda said: said.update(applied_transform=[[1, 2]]), "applied_transform"),
         (lambda said: said.update(applied_transform=np.zeros((3, 4)).tolist()), "applied_transform"),
     ],

@@ -61,7 +61,7 @@ def test_training_localising_tracking_and_live_read_the_same_pixels(tmp_path: Pa
     assert want.shape == PIXELS.shape
     path = tmp_path / "0.000000.jpg"
     path.write_bytes(data)
-    lens = Lens.measured((48, 32), (40.0, 40.0), (24.0, 16.0))
+    lens = Lens.measured("a test", (48, 32), (40.0, 40.0), (24.0, 16.0))
     learned = read_pixels(path, lens)
     assert learned is not None and np.array_equal(learned, want)
     aspect = GivenCamera().aspect(UPRIGHT.numbers)

@@ -87,6 +87,16 @@ def test_a_calibration_counts_at_each_resolution_of_its_camera(tmp_path: Path) -
         camera_of(torch.zeros(96, 80, 3, dtype=torch.uint8), GivenCamera(file))
 
 
+@pytest.mark.parametrize(
+    ("size", "last", "said"), [("32 24", "1e11", "cannot be undone"), ("1 24", "0", "calibrated with 1 x 24 pixels")]
+)
+def test_a_calibration_that_does_not_fit_the_picture_is_named(tmp_path: Path, size: str, last: str, said: str) -> None:
+    file = tmp_path / "cameras.txt"
+    file.write_text(f"1 OPENCV {size} 30 31 16 12 -0.2 0.05 0.001 {last}\n")
+    with pytest.raises(InvalidInputError, match=f"cameras.txt: .*{said}"):
+        camera_of(torch.zeros(24, 32, 3, dtype=torch.uint8), GivenCamera(file))
+
+
 def test_a_picture_is_taken_for_one_of_the_fields_own_camera_where_nobody_says_otherwise(tmp_path: Path) -> None:
     remembered = Camera(192, 160, 200.0, 202.0, 95.0, 81.0, (-0.1, 0.0, 0.0, 0.0)).numbers
     camera, reported = camera_of(torch.zeros(80, 96, 3, dtype=torch.uint8), GivenCamera(), remembered)
