@@ -432,7 +432,7 @@ def app_for() -> Iterator[Callable[..., App]]:
         app.stop()
 
 
-def opening(*_: str) -> Iterator[Any]:
+def opening(*_: object) -> Iterator[Any]:
     """The job that opens a place which needs no file."""
     yield from (PlaceOpened(balls_place()), JobFinished("open"))
 

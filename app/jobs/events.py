@@ -15,6 +15,7 @@ from torch import Tensor
 
 from nerfnav.export import Refusal
 from nerfnav.field import TrainStep
+from nerfnav.importers import Corners
 from nerfnav.navigation import FlightStep
 from nerfnav.robots import Motion
 from nerfnav.tracking import TrackedFrame
@@ -61,6 +62,8 @@ class JobFailed:
     """Name of the job."""
     message: str
     """One sentence for the user."""
+    without: Corners | None = None
+    """Box that leaves out the parts of a mesh that the user has to decide on; None where there are none."""
 
 
 @dataclass(frozen=True)

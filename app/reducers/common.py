@@ -10,6 +10,7 @@ from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_paths
 from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.place import OpenPlace
 from nerfnav_app.state.plan import PlanSettings
 from nerfnav_app.state.session import Notice, Session
 
@@ -17,10 +18,12 @@ Value = TypeVar("Value")
 _NOTICES_KEPT = 5
 
 
-def add_notice(session: Session, title: str, body: str, bad: bool = False) -> Session:
+def add_notice(
+    session: Session, title: str, body: str, bad: bool = False, remedy: OpenPlace | None = None
+) -> Session:
     """Add a notice; the same trouble is reported once, as long as it has the same cause."""
     number = session.notices[-1].id + 1 if session.notices else 0
-    notice = Notice(number, title, without_paths(body), bad, session.asked)
+    notice = Notice(number, title, without_paths(body), bad, session.asked, remedy)
     if bad and session.trouble is not None and replace(session.trouble, id=number) == notice:
         return session
     return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])

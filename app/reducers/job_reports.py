@@ -16,7 +16,7 @@ from nerfnav_app.reducers import place as places
 from nerfnav_app.reducers.common import add_notice, enter_place
 from nerfnav_app.state.flight import LocalizationRecord
 from nerfnav_app.state.job import Download, Job, JobKind, RefusedExport
-from nerfnav_app.state.place import Choice
+from nerfnav_app.state.place import Choice, OpenPlace
 from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop
@@ -60,9 +60,10 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
             return session if session.track is None else replace(session, track=session.track.with_frame(event))
         case e.JobFinished(_, result):
             return _finish_job(replace(session, job=None), job, result)
-        case e.JobFailed(_, message):
+        case e.JobFailed(_, message, without):
             reason = without_folder(message, session.what)
-            return add_notice(jobs.abandon_job(session), f"Could not {job.kind.verb}", reason, bad=True)
+            remedy = None if without is None else OpenPlace(session.what, without)
+            return add_notice(jobs.abandon_job(session), f"Could not {job.kind.verb}", reason, bad=True, remedy=remedy)
         case _:
             return session  # other events are not shown
 

@@ -6,6 +6,7 @@ An alignment corrects scale, floor and box; its result is opened as another plac
 from dataclasses import replace
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav.importers import Corners
 from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
@@ -44,8 +45,8 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
             return move_end(session, place, which, end, held)
         case m.ChooseTask(name):
             return _choose_task(session, place, name)
-        case m.OpenPlace(what):
-            return open_place(session, what)
+        case m.OpenPlace(what, box):
+            return open_place(session, what, box)
         case m.ChooseQuality(quality):
             return replace(session, quality=quality)
         case m.ListPlaces():
@@ -64,14 +65,14 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
             return session.close_tab(client)
 
 
-def open_place(session: Session, what: str) -> Session:
+def open_place(session: Session, what: str, box: Corners | None = None) -> Session:
     """Open another place, from which the session can go back to this one."""
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
     kept = {name: getattr(session, name) for name in ("choice", "notices", "experiments", "places_asked", "quality")}
     # a place that was never open is nothing to go back to
     before = replace(session, before=None) if session.place is not None else session.before
     return Session(
-        what, job=job, jobs_begun=session.jobs_begun + 1, runs=session.runs.elsewhere(), before=before, **kept
+        what, box, job=job, jobs_begun=session.jobs_begun + 1, runs=session.runs.elsewhere(), before=before, **kept
     )
 
 

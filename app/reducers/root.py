@@ -50,7 +50,7 @@ def _command(session: Session, command: m.Command) -> Session:
     opened = session.place
     if opened is None:  # nothing can be asked before the place is open, but to give it up
         if isinstance(command, m.OpenPlace):
-            return place.open_place(session, command.what)
+            return place.open_place(session, command.what, command.box)
         return jobs.cancel_job(session) if isinstance(command, m.Cancel) and session.before is not None else session
     if isinstance(command, RunAction):
         elsewhere = runs.find_other_source(session, command.name) if isinstance(command, OpenRun) else None

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from nerfnav import robots
 from nerfnav.estimator import estimators
+from nerfnav.importers import Corners
 from nerfnav.planner import planners
 from nerfnav.robots import RobotFile
 from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
@@ -61,10 +62,12 @@ class ChooseTask:
 
 @dataclass(frozen=True)
 class OpenPlace:
-    """Open another scene or field."""
+    """Open another scene, field or source of one."""
 
     what: str
-    """Name of a bundled scene, or path of a field file."""
+    """Name of a bundled scene, or path of a file or folder."""
+    box: Corners | None = None
+    """Box of the field that is made of a source; None: all of the source."""
 
 
 @dataclass(frozen=True)

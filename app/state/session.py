@@ -13,11 +13,12 @@ from typing import Any
 from torch import Tensor
 
 from nerfnav.export import Refusal
+from nerfnav.importers import Corners
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.vantage import View
 from nerfnav_app.state.flight import FlightRecord, FlightSettings, FlightState
 from nerfnav_app.state.job import Download, Job, JobKind, RefusedExport
-from nerfnav_app.state.place import Choice, PlaceState
+from nerfnav_app.state.place import Choice, OpenPlace, PlaceState
 from nerfnav_app.state.plan import PlanRecord, PlanSettings, PlanState
 from nerfnav_app.state.runs import ExperimentState, Runs, TimedRecord
 from nerfnav_app.state.tracks import TrackRecord
@@ -84,6 +85,8 @@ class Notice:
     """True where something failed."""
     cause: Hashable = None
     """`Session.asked` at that time: once that has changed, the notice is out of date."""
+    remedy: OpenPlace | None = None
+    """Command that leaves out the stray parts for which a mesh was not opened."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,8 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
 
     what: str
     """Scene name or field file that is opened."""
+    box: Corners | None = None
+    """Box of the field that is made of what is opened; None: all of it."""
     job: Job | None = None
     """Work that is wanted of the worker."""
     jobs_begun: int = 0

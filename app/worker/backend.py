@@ -13,6 +13,7 @@ from typing import Any
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.export import FORMATS
+from nerfnav.importers import Corners
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig, planners
 from nerfnav_app.jobs.events import JobEvents
@@ -46,8 +47,8 @@ from nerfnav_app.worker.operator_requests import SessionRequests
 class NavigationBackend:
     """Opens places, plans and flies in them. Used by the worker's thread alone."""
 
-    open: Callable[[str, QualityName], JobEvents] = opening.run
-    """Job that opens a place, and trains its field in some quality where there is none."""
+    open: Callable[[str, QualityName, Corners | None], JobEvents] = opening.run
+    """Job that opens a place, and makes its field in some quality, in a box if one is given, where there is none."""
     plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
     """Settings of first plans by the planner's name; other planners use their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
@@ -61,7 +62,7 @@ class NavigationBackend:
         """Begin a job. Raises InvalidInputError where the session lacks what the job needs."""
         place = session.place
         if job.kind is JobKind.OPEN or place is None:
-            return self.open(session.what, session.quality)
+            return self.open(session.what, session.quality, session.box)
         match job.kind:
             case JobKind.PLAN:
                 return plan.run(self._plan_request(session, job, place, session.choice.planner), place)

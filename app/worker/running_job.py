@@ -8,6 +8,7 @@ from typing import Any
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.core.jit import report_compilation
+from nerfnav.importers import StrayPartsError
 from nerfnav.navigation import Iteration, NavigationStep
 from nerfnav_app.jobs.events import COMPILING, JobEvents, JobFailed, JobFinished, Progress
 from nerfnav_app.state.job import Job
@@ -66,6 +67,8 @@ class RunningJob:
                     event = next(self._events)
         except StopIteration as end:
             event = JobFinished(self._name, end.value)
+        except StrayPartsError as error:
+            event = JobFailed(self._name, error.finding, error.without)
         except NerfnavError as error:
             event = JobFailed(self._name, str(error))
         except Exception as error:

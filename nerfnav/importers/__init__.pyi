@@ -7,11 +7,13 @@ from .captures.importer import import_capture as import_capture
 from .captures.video import make_capture_of_video as make_capture_of_video
 from .captures.views import CaptureError as CaptureError
 from .core.errors import MeshFileError as MeshFileError
+from .core.errors import StrayPartsError as StrayPartsError
 from .core.errors import wrong_kind_error as wrong_kind_error
 from .core.kinds import SourceKind as SourceKind
 from .core.kinds import field_name as field_name
 from .core.placement import AXES as AXES
 from .core.placement import UNIT_ASSUMED as UNIT_ASSUMED
+from .core.placement import Corners as Corners
 from .core.placement import MeasuredDistance as MeasuredDistance
 from .core.placement import Placement as Placement
 from .core.placement import drop_answered_guesses as drop_answered_guesses
@@ -23,7 +25,9 @@ from .meshes.bake import bake_scene as bake_scene
 from .meshes.config import MeshOptions as MeshOptions
 from .meshes.config import SceneConfig as SceneConfig
 from .meshes.importer import ImportedMesh as ImportedMesh
+from .meshes.importer import VisibleMesh as VisibleMesh
 from .meshes.importer import import_mesh as import_mesh
+from .meshes.importer import read_visible_mesh as read_visible_mesh
 from .nerf.config import NerfPytorchConfig as NerfPytorchConfig
 from .nerf.importer import load_nerf_pytorch as load_nerf_pytorch
 from .splats.containers import splats_file as splats_file

@@ -37,7 +37,7 @@ def until_listed(tab: Tab, names: list[str]) -> None:
     tab.until_shown()
 
 
-def opening(*_: str) -> JobEvents:
+def opening(*_: object) -> JobEvents:
     yield PlaceOpened(balls_place())
     return JobResult()
 

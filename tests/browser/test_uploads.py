@@ -17,11 +17,13 @@ from nerfnav_app.jobs.open import opening as scene
 from nerfnav_app.places.place import Place, open_place
 from nerfnav_app.places.sources import BUDGETS_S, USUAL
 from nerfnav_app.server import App
+from nerfnav_app.state.place import ChooseQuality
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place
 from tests.app.jobs.field.test_meshes import pillars
 from tests.browser.tab import Tab
 from tests.importers.captures.test_depths import write_depths
+from tests.importers.meshes.test_stray import room
 from tests.importers.splat_files import ball_of_splats, write_spz
 from tests.waiting import PATIENCE_S
 
@@ -59,6 +61,25 @@ def test_an_uploaded_field_is_opened_and_a_broken_one_leaves_the_place(
     assert opened is not None and opened.name == "mine"
     np.testing.assert_allclose(opened.field.background, [0.1, 0.2, 0.3], atol=1e-6)
     tab.until(lambda: tab.has_node("/field") and tab.says("mine"), "the page does not show the field")
+
+
+@pytest.mark.slow
+def test_a_stray_part_of_a_mesh_is_left_out_where_the_user_presses_the_button(
+    serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path
+) -> None:
+    app = serve(opening_work())
+    app.post(ChooseQuality("draft"))
+    tab = open_tab(app)
+    tab.turn_to("Scene")
+    tab.upload("place.upload", room(tmp_path, (0, 60, 0)))
+    tab.until(lambda: tab.says("57.85 m away from the rest"), "the stray part is not named")
+    assert not tab.says("--box")
+    first = app.session.place
+    tab.press("status.leave_out")
+    tab.until(lambda: app.session.place not in (first, None), "it was not opened without the stray part", 120)
+    place = app.session.place
+    assert place is not None and place.field.box.size.max() < 8
+    tab.until(lambda: not tab.says("away from the rest"), "the page still offers to leave it out")
 
 
 def _spz(folder: Path) -> Path:

@@ -11,11 +11,11 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.field import TrainConfig
-from nerfnav.importers import ImportedMesh, SceneConfig, import_mesh
+from nerfnav.importers import ImportedMesh, SceneConfig, VisibleMesh, read_visible_mesh
 from nerfnav.importers.captures.archive import extract
 from nerfnav.importers.meshes.files import SUFFIXES, list_archived_meshes, resolve_mesh, select_mesh
 from nerfnav.world import Scene
-from nerfnav_app.jobs.events import JobEvent
+from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.bundled import images_for, photograph, training_data_of
 from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.training_data import Gathering, relay_import
@@ -47,14 +47,25 @@ def volume_of(scene: Scene) -> float:
 
 
 def read_scene(request: TrainRequest, nodes: float) -> Generator[JobEvent, bool | None, ImportedMesh]:
-    """Read the mesh, with voxels so that its box has `nodes` of them where the request gives none.
+    """Read the mesh and find what is solid. Raises MeshFileError as `read_visible` does."""
+    return (yield from find_solids((yield from read_visible(request, nodes))))
+
+
+def find_solids(visible: VisibleMesh) -> Generator[JobEvent, bool | None, ImportedMesh]:
+    """Find what is solid in a mesh, which may be shown before."""
+    yield Progress("finding what is solid", 0.7)
+    return visible.with_solids()
+
+
+def read_visible(request: TrainRequest, nodes: float) -> Generator[JobEvent, bool | None, VisibleMesh]:
+    """Read what is seen of the mesh, with voxels so that its box has `nodes` of them where the request gives none.
 
     Raises MeshFileError for files that no scene can be made of.
     """
     request.require_unset("a mesh", downscale=request.photographs.downscale)
     with _unpack_mesh(Path(request.source)) as path:
         config = SceneConfig(request.placement, request.mesh, request.voxel, nodes)
-        return (yield from relay_import(import_mesh(path, config), "reading the mesh"))
+        return (yield from relay_import(read_visible_mesh(path, config), "reading the mesh"))
 
 
 def _nodes(budget: float | None) -> float:
@@ -78,5 +89,6 @@ def _unpack_mesh(source: Path) -> Iterator[Path]:
             yield Path(folder) / name
         except NerfnavError as error:
             if folder in str(error):  # the user knows the archive, not the folder that it was unpacked into
-                error.args = (str(error).replace(folder + os.sep, ""),)
+                words = (word.replace(folder + os.sep, "") if isinstance(word, str) else word for word in error.args)
+                error.args = tuple(words)
             raise

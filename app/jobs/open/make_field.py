@@ -3,17 +3,18 @@
 The field lies beside its source, and is found again there until the source changes.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.field import load_field
-from nerfnav.importers import SceneConfig, SourceKind, field_name, source_kind
+from nerfnav.importers import Corners, Placement, SceneConfig, SourceKind, field_name, source_kind
 from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
 from nerfnav.importers.meshes.files import list_archived_meshes
 from nerfnav_app.jobs.events import JobEvents, JobResult, SurfaceShaped
 from nerfnav_app.jobs.export.surface import encode_scene
 from nerfnav_app.jobs.field import baked, train
-from nerfnav_app.jobs.field.meshes import read_scene
+from nerfnav_app.jobs.field.meshes import find_solids, read_visible
 from nerfnav_app.jobs.field.report import stored
 from nerfnav_app.jobs.field.train import TrainRequest
 from nerfnav_app.jobs.open import import_field
@@ -22,21 +23,24 @@ from nerfnav_app.places.sources import BUDGETS_S, USUAL, QualityName
 from nerfnav_app.storage.output_files import prepare_file
 
 
-def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:
+def run(source: Path, out: Path, quality: QualityName = USUAL, box: Corners | None = None) -> JobEvents:
     """Yield what making it yields, and leave the field in `out`: a mesh is shown meanwhile, a NeRF becomes quick."""
+    placement = Placement(box=box)
     if import_field.imports(source):
-        return import_field.run(ImportRequest(source, out))
+        return import_field.run(ImportRequest(source, out, placement=placement))
+    request = TrainRequest(str(source), out, quality=quality, placement=placement)
     if source_kind(source) is SourceKind.MESH:
-        return _bake_mesh(source, out, quality)
-    return train.run(TrainRequest(str(source), out, quality=quality, budget=BUDGETS_S[quality]))
+        return _bake_mesh(request)
+    return train.run(replace(request, budget=BUDGETS_S[quality]))
 
 
-def _bake_mesh(source: Path, out: Path, quality: QualityName) -> JobEvents:
+def _bake_mesh(request: TrainRequest) -> JobEvents:
     """Yield the mesh as it is to be seen, then progress, and store its field, to plan in at once and refine later."""
-    imported = yield from read_scene(TrainRequest(str(source), out), SceneConfig.nodes)
-    yield SurfaceShaped(encode_scene(imported.scene), rough=True)
-    field = yield from baked.bake(imported, quality, 0)
-    _, files = stored(field, imported.scene, prepare_file(out))
+    visible = yield from read_visible(request, SceneConfig.nodes)
+    yield SurfaceShaped(encode_scene(visible.scene), rough=True)
+    imported = yield from find_solids(visible)
+    field = yield from baked.bake(imported, request.quality, request.seed)
+    _, files = stored(field, imported.scene, prepare_file(request.out))
     return JobResult({"source": imported.report}, files)
 
 

@@ -16,7 +16,7 @@ import nerfnav_scenes as scenes
 from nerfnav.core.errors import NerfnavError
 from nerfnav.field import NeuralField, render_image
 from nerfnav.geometry import Camera, encode_image, look_at
-from nerfnav.importers import source_kind
+from nerfnav.importers import Corners, source_kind
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.jobs.export.surface import build_first_surface
 from nerfnav_app.jobs.fly.simulated_world import warm_up_filter, warm_up_renderer
@@ -30,12 +30,17 @@ from nerfnav_app.places.vantage import view_of_box
 _THUMBNAIL, _JPEG_QUALITY = Camera.from_fov(240, 160, 45), 85
 
 
-def run(source: str, quality: QualityName = USUAL, opener: Callable[[str], Place] = open_place) -> JobEvents:
+def run(
+    source: str,
+    quality: QualityName = USUAL,
+    box: Corners | None = None,
+    opener: Callable[[str], Place] = open_place,
+) -> JobEvents:
     """Yield the place as soon as it is loaded, then its surface; a source becomes a field of this quality first.
 
     Raises NerfnavError as `open_place` does, or where no field can be made.
     """
-    file = yield from ensure_field(source, quality)
+    file = yield from ensure_field(source, quality, box)
     yield Progress("opening the field", 0.05)
     place = yield from _bake_networks(opener(file))
     library = PlaceLibrary()
@@ -50,10 +55,12 @@ def run(source: str, quality: QualityName = USUAL, opener: Callable[[str], Place
     return JobResult({"name": place.name})
 
 
-def ensure_field(source: str, quality: QualityName = USUAL) -> Generator[JobEvent, bool | None, str]:
+def ensure_field(
+    source: str, quality: QualityName = USUAL, box: Corners | None = None
+) -> Generator[JobEvent, bool | None, str]:
     """Return the name or path of a field: the source itself, or the field that was made of it, now or before.
 
-    `quality` is that of a field that is trained now. Raises NerfnavError where no field can be made.
+    `quality` and `box` are those of a field that is made now. Raises NerfnavError where no field can be made.
     """
     if source_kind(source, scenes.names()).command is None:
         return source
@@ -62,7 +69,7 @@ def ensure_field(source: str, quality: QualityName = USUAL) -> Generator[JobEven
     made = make_field.find_made_field(Path(source))
     if made is None:
         made = make_field.choose_field_path(Path(source))
-        yield from make_field.run(Path(source), made, quality)
+        yield from make_field.run(Path(source), made, quality, box)
     return str(made)
 
 

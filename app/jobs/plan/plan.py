@@ -25,6 +25,7 @@ from nerfnav.planner import (
     FastPlanConfig,
     FieldPlanner,
     InteractivePlanner,
+    OccupancyMap,
     Planner,
     PlannerConfig,
     PlanOutcome,
@@ -206,12 +207,16 @@ def map_error_of(place: Place) -> ConsiderCovariance:
     return ConsiderCovariance(() if place.scene is None else place.field.info.pose_floor, place.robot.mount)
 
 
-def make_planner(request: PlanRequest, place: Place) -> tuple[Planner, SafetyFilter | None]:
-    """Make the planner of the request's flight, which makes its first plan too, and the safety filter."""
+def make_planner(
+    request: PlanRequest, place: Place, occupancy: OccupancyMap | None = None
+) -> tuple[Planner, SafetyFilter | None]:
+    """Make the planner of the request's flight, which makes its first plan too, and the safety filter.
+
+    It searches on the `occupancy` map, where others search too; None: on one of its own.
+    """
     planning = prepare_route(place, request.unknown, request.height)
-    occupancy = build_occupancy(planning, request.settings.occupancy, request.height)
     return build_safe_planner(
-        planners.load(request.planner), planning.field, occupancy.remembering(),
+        planners.load(request.planner), planning.field, occupancy or _map_for(request, place),
         planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.replan_settings,
     )  # fmt: skip
 
@@ -221,7 +226,8 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
 
     This is the first plan of a flight by the same request. Its ends are on the floor already, as both jobs see to it.
     """
-    planner, _ = make_planner(request, place)
+    occupancy = _map_for(request, place)
+    planner, _ = make_planner(request, place, occupancy)
     if request.draft:
         return (yield from _draft(request, planner))
     planning, robot = prepare_route(place, request.unknown, request.height), planning_robot(place.robot, request.world)
@@ -232,7 +238,6 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     problem = PlanProblem(
         planning.field, robot, route.start, route.goal, route.steps, route.dt, noise=NoiseModel(request.flight.noise)
     )
-    occupancy = build_occupancy(planning, request.settings.occupancy, request.height)
     settings = request.flight_settings
     longest_dt = request.dt if request.keep_dt else None
     timing = estimate_flight_time(problem, occupancy, settings, longest_dt) if request.shortest else None
@@ -241,9 +246,17 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
         return planned
     end = planned.trajectory.route  # whose heading may have been chosen for what the camera sees
     problem = replace(problem, goal=end.goal, steps=end.steps, dt=end.dt, keeps_headings=end.keeps_headings)
+    # unlike plans of other durations, this one weighs risk anew: it searches anew, too
+    occupancy = build_occupancy(planning, request.settings.occupancy, request.height)
     careful = FastPlanConfig(weights=settings.weights, occupancy=settings.occupancy)
     most, tolerance = request.max_collision, request.flight.goal_tolerance_m
     return (yield from enforce_chance_constraint(problem, planned, careful, most, occupancy, tolerance))
+
+
+def _map_for(request: PlanRequest, place: Place) -> OccupancyMap:
+    """Return the map of the request's searches, which remembers the last one."""
+    planning = prepare_route(place, request.unknown, request.height)
+    return build_occupancy(planning, request.settings.occupancy, request.height).remembering()
 
 
 def _draft(request: PlanRequest, planner: Planner) -> PlanSteps:

@@ -207,6 +207,7 @@ def splat_colors(grid, samples, surface, signed, sums):
     points, colors, faces = samples
     normals, corners, facing, nearest = surface
     nx, ny, nz = signed.shape
+    farthest = 1.001 * (REACH + REACH * REACH) * voxel * voxel  # of what is near enough by both tests below
     for sample in range(points.shape[0]):
         x, y, z, face = points[sample, 0], points[sample, 1], points[sample, 2], faces[sample]
         i0, j0 = int((x - lower[0]) / spacing[0]) - 1, int((y - lower[1]) / spacing[1]) - 1
@@ -216,11 +217,14 @@ def splat_colors(grid, samples, surface, signed, sums):
             for j in range(max(0, j0), min(ny, j0 + 4)):
                 oy = lower[1] + j * spacing[1] - y
                 for k in range(max(0, k0), min(nz, k0 + 4)):
+                    oz = lower[2] + k * spacing[2] - z
+                    apart = ox * ox + oy * oy + oz * oz
+                    if apart > farthest:
+                        continue
                     s, near = signed[i, j, k], nearest[i, j, k]
                     if near < 0 or abs(s) > REACH * voxel:
                         continue
-                    oz = lower[2] + k * spacing[2] - z
-                    along = ox * ox + oy * oy + oz * oz - s * s
+                    along = apart - s * s
                     if along > REACH * voxel * voxel:
                         continue
                     ahead = facing[face] * dot(normals[face, 0], normals[face, 1], normals[face, 2], ox, oy, oz)

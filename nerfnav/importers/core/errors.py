@@ -17,6 +17,7 @@ from nerfnav.importers.core.kinds import (
     identify_data,
     read_head,
 )
+from nerfnav.importers.core.placement import Corners
 
 
 class WrongKindError(InvalidInputError):
@@ -57,3 +58,20 @@ def _advice(path: Path, kind: SourceKind) -> str:
 
 class MeshFileError(NerfnavError):
     """A file that is no mesh that can be worked with."""
+
+
+class StrayPartsError(MeshFileError):
+    """A mesh with parts far away from the rest, where no box says whether they belong to the place."""
+
+    def __init__(self, finding: str, advice: str, without: Corners) -> None:
+        """Keep the box `without` these parts beside what was found, and the options that the `advice` names."""
+        super().__init__(finding, advice)
+        self.without = without
+
+    @property
+    def finding(self) -> str:
+        """The sentence without advice, for users who choose by a button."""
+        return self.args[0]
+
+    def __str__(self) -> str:
+        return "; ".join(self.args)

@@ -13,6 +13,8 @@ from jaxtyping import Float
 from nerfnav.core.errors import InvalidInputError, require_positive
 
 Vector = tuple[float, float, float]
+Corners = tuple[Vector, Vector]
+"""Lowest and highest corner of a box [m]."""
 AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 """Directions that have a name."""
 PLAUSIBLE = (0.5, 120.0)
@@ -58,7 +60,7 @@ def require_direction(up: Vector | None) -> None:
         raise InvalidInputError("up must be a direction of three finite numbers, not all of them 0")
 
 
-def require_box(box: tuple[Vector, Vector] | None) -> None:
+def require_box(box: Corners | None) -> None:
     """Raise InvalidInputError for a box that is given and empty."""
     if box is not None and not all(low < high for low, high in zip(*box, strict=True)):
         raise InvalidInputError("a box is its lowest corner and then its highest corner, each number above")
@@ -74,7 +76,7 @@ class Placement:
     """Metres in one unit of the source."""
     picked: MeasuredDistance | None = None
     """Two points in the source's own units and their true distance [m]; an alternative to the scale."""
-    box: tuple[Vector, Vector] | None = None
+    box: Corners | None = None
     """Lowest and highest corner of the field, after scale and up [m]."""
 
     def __post_init__(self) -> None:

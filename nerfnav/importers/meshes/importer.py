@@ -65,7 +65,8 @@ def shade_paint(parts: Parts, normals: Float[np.ndarray, "f 3"]) -> Paint:
 _SKY = (0.72, 0.83, 0.95)
 
 
-def scene_of(file: MeshFile, placed: PlacedMesh, pieces: Pieces, config: SceneConfig) -> Scene:
+def scene_of(file: MeshFile, placed: PlacedMesh, config: SceneConfig) -> Scene:
+    """The place as it is seen, without solids."""
     parts = placed.parts
     mesh = trimesh.Trimesh(parts.vertices, parts.faces, process=False)
     bounds = Box(*torch.from_numpy(parts.bounds).float())
@@ -77,14 +78,13 @@ def scene_of(file: MeshFile, placed: PlacedMesh, pieces: Pieces, config: SceneCo
         file.path.name,
         file.path.name,
         mesh,
-        pieces.solids,
+        (),
         box,
         _SKY,
         (),
         voxel,
         shade_paint(parts, np.asarray(mesh.face_normals)),
-        pieces.sheets,
-        vantage,
+        vantage=vantage,
     )
 
 
@@ -131,8 +131,35 @@ class ImportedMesh:
     """Content of the file and guesses."""
 
 
+@dataclass(frozen=True, eq=False)
+class VisibleMesh:
+    """A mesh that can be shown, before what is solid in it is found."""
+
+    scene: Scene
+    """The place, without tasks and solids."""
+    file: MeshFile
+    """The file as it was read."""
+    placed: PlacedMesh
+    """Its parts in the world."""
+    config: SceneConfig
+    """Options of the import."""
+
+    def with_solids(self) -> ImportedMesh:
+        """Find what is solid, which takes as long as to read the mesh."""
+        pieces = split_solids(self.placed.parts)
+        scene = replace(self.scene, solids=pieces.solids, sheets=pieces.sheets)
+        return ImportedMesh(scene, report_of(self.file, self.placed, pieces, scene, self.config))
+
+
 def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[ImportStep, None, ImportedMesh]:
-    """Read a mesh file and return its scene.
+    """Read a mesh file and return its scene. Raises MeshFileError as `read_visible_mesh` does."""
+    visible = yield from read_visible_mesh(path, config)
+    yield ImportStep("finding what is solid", 0.7)
+    return visible.with_solids()
+
+
+def read_visible_mesh(path: Path, config: SceneConfig | None = None) -> Generator[ImportStep, None, VisibleMesh]:
+    """Read a mesh file and return what is seen of it.
 
     Raises MeshFileError, in one sentence, for unusable files, and StrayPartsError for parts far away without a box.
     """
@@ -146,9 +173,5 @@ def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[Impo
     if stray.any():
         kept, note = leave_out_stray(placed.parts, stray, config.placement.box, path)
         placed = replace(placed, parts=kept, guesses=(*placed.guesses, note))
-    yield ImportStep("finding what is solid", 0.5)
-    pieces = split_solids(placed.parts)
-    yield ImportStep("looking around", 0.8)
-    scene = scene_of(file, placed, pieces, config)
-    yield ImportStep("looking around", 1.0)
-    return ImportedMesh(scene, report_of(file, placed, pieces, scene, config))
+    yield ImportStep("looking around", 0.5)
+    return VisibleMesh(scene_of(file, placed, config), file, placed, config)

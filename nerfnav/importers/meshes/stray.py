@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from nerfnav.importers.core.errors import MeshFileError
+from nerfnav.importers.core.errors import StrayPartsError
+from nerfnav.importers.core.placement import Corners
 from nerfnav.importers.meshes.parts import Parts
 from nerfnav.importers.meshes.placement import POSSIBLE
 
-Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 _FAR = 2.0
 """Faces further from the place than so many of its longest edges do not belong to it."""
 _MIDDLE = (0.25, 0.75)
@@ -23,15 +23,6 @@ _MARGIN = 0.05
 """Space around the place in the box that is offered, in its longest edges."""
 _NAMED = 3
 """Parts whose names are listed."""
-
-
-class StrayPartsError(MeshFileError):
-    """A mesh with parts far away from the rest, where no box says whether they belong to the place."""
-
-    def __init__(self, message: str, without: Corners) -> None:
-        """Keep the box `without` these parts beside the message that offers it."""
-        super().__init__(message)
-        self.without = without
 
 
 def find_stray(parts: Parts) -> Bool[np.ndarray, " f"]:
@@ -81,7 +72,7 @@ def leave_out_stray(
         can_keep = np.ptp(parts.bounds, axis=0).max() <= POSSIBLE[1]
         keeping = f", and --box {_in_words(_offered(parts.bounds))} keeps them" if can_keep else ""
         raise StrayPartsError(
-            f"{path} has {what}: without them it is {_size(main.bounds)} m large, with them {_size(parts.bounds)} m; "
+            f"{path} has {what}: without them it is {_size(main.bounds)} m large, with them {_size(parts.bounds)} m",
             f"--box {_in_words(offered)} leaves them out{keeping}",
             offered,
         )

@@ -139,9 +139,16 @@ class _Levels:
 def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[np.ndarray, "nx ny nz"]:
     """Measure the distance of each voxel from space that is not free, the border of the box included [m]."""
     around = tuple((1, 1) if count > 1 else (0, 0) for count in free.shape)
-    distance = np.asarray(ndimage.distance_transform_edt(np.pad(free, around), sampling=spacing))
-    x, y, z = (slice(before, size - after) for (before, after), size in zip(around, distance.shape, strict=True))
-    return distance[x, y, z]
+    padded = np.pad(free, around)
+    nearest = ndimage.distance_transform_edt(padded, spacing, return_distances=False, return_indices=True)
+    squared = np.zeros(padded.shape)
+    # axis by axis: the transform's own distances take three arrays of coordinates, and twice the time
+    for index, (found, edge) in enumerate(zip(np.asarray(nearest), spacing, strict=True)):
+        own = np.arange(padded.shape[index]).reshape(np.where(np.arange(3) == index, -1, 1))
+        apart = (found - own) * edge
+        squared += np.square(apart, out=apart)
+    x, y, z = (slice(before, size - after) for (before, after), size in zip(around, padded.shape, strict=True))
+    return np.sqrt(squared[x, y, z])
 
 
 def _largest(mask: Bool[np.ndarray, "nx ny nz"]) -> Bool[np.ndarray, "nx ny nz"]:

@@ -212,6 +212,19 @@ def test_a_place_that_cannot_be_opened_leaves_the_one_before_it(opened: Session)
     assert session.job is None and session.notices[-1].bad and "no such place" in session.notices[-1].body
 
 
+def test_a_mesh_with_stray_parts_is_opened_without_them_where_the_user_agrees(opened: Session) -> None:
+    box = ((-3.0, -2.0, 0.0), (3.0, 2.0, 1.5))
+    session = reports(after(opened, m.OpenPlace("room.glb")), JobFailed("open", "room.glb has 12 faces far away", box))
+    assert session.trouble is not None and session.trouble.remedy == m.OpenPlace("room.glb", box)
+    agreed = after(session, m.OpenPlace("room.glb", box))
+    assert agreed.job is not None and (agreed.what, agreed.box, agreed.job.kind) == ("room.glb", box, JobKind.OPEN)
+    assert agreed.trouble is None and agreed.before is not None and agreed.before.place is opened.place
+    assert after(session, m.OpenPlace("room.glb")).box is None, "a box is for the one file that it was offered for"
+    first = reports(Session.opening("room.glb"), JobFailed("open", "it has 12 faces far away", box))
+    assert first.trouble is not None and first.trouble.remedy == m.OpenPlace("room.glb", box)
+    assert after(first, m.OpenPlace("room.glb", box)).box == box, "the first place has no other to return to"
+
+
 def test_opening_can_be_given_up_and_a_late_report_of_it_is_ignored(opened: Session) -> None:
     opening = after(opened, m.OpenPlace("nowhere"))
     assert opening.job is not None

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from nerfnav.importers.core.errors import StrayPartsError
 from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import SceneConfig
-from nerfnav.importers.meshes.stray import StrayPartsError
 from tests.importers.meshes.places import imported, quad, write
 
 

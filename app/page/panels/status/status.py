@@ -203,6 +203,8 @@ class StatusPanel:
         self._next = NextButtons(server, post)
         self._anyway = server.gui.add_button("Fly anyway", color="red", visible=False)
         self._decline = server.gui.add_button("Do not fly", color="gray", visible=False)
+        self._leave_out = server.gui.add_button("Leave it out", visible=False, hint="Open it without its stray parts")
+        self._remedy: Command | None = None
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
         self._row = server.gui.add_html(_ROW)
         self._undo, self._redo, self._reset = (
@@ -219,6 +221,7 @@ class StatusPanel:
         self._reset.on_click(self._ask_to_reset)
         post_on(self._anyway.on_click, post, lambda: StartFlight(anyway=True))
         post_on(self._decline.on_click, post, DeclineFlight)
+        post_on(self._leave_out.on_click, post, lambda: self._remedy)
 
     async def _ask_to_reset(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
@@ -237,3 +240,5 @@ class StatusPanel:
         self._undo.disabled, self._redo.disabled = not session.history.past, not session.history.future
         self._reset.disabled = session.place is None
         self._anyway.visible = self._decline.visible = needs_confirmation(session)
+        self._remedy = None if session.trouble is None else session.trouble.remedy
+        self._leave_out.visible = self._remedy is not None

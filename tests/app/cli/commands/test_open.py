@@ -3,8 +3,10 @@
 import os
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -13,14 +15,20 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.geometry.box import Box
 from nerfnav_app.cli import main as cli
-from nerfnav_app.jobs.events import JobEvent, PlaceOpened
+from nerfnav_app.jobs.events import JobEvent, JobFailed, PlaceOpened
 from nerfnav_app.jobs.open import make_field, opening
 from nerfnav_app.jobs.open.import_field import ImportRequest
 from nerfnav_app.jobs.open.import_field import run as run_import
 from nerfnav_app.jobs.open.make_field import choose_field_path, find_made_field
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.backend import NavigationBackend
+from nerfnav_app.worker.running_job import RunningJob
 from tests.app.following import result_of
+from tests.app.sessions import after
 from tests.importers.captures.synthetic import write_transforms
 from tests.importers.meshes.places import quad, write
+from tests.importers.meshes.test_stray import room
 from tests.importers.splat_files import ball_of_splats, bundle_sog, write_ksplat, write_sog, write_spz
 
 
@@ -128,6 +136,38 @@ def test_opening_again_makes_nothing_anew(tmp_path: Path, monkeypatch: pytest.Mo
     result_of(run_import(ImportRequest(tmp_path / "moon.spz", tmp_path / "moon.npz", voxel=0.1)))
     monkeypatch.setattr(make_field, "run", lambda *_: pytest.fail("the field is there"))
     assert any(isinstance(event, PlaceOpened) for event in _until_opened(str(tmp_path / "moon.spz")))
+
+
+def test_a_mesh_with_stray_parts_opens_in_the_box_that_is_offered(tmp_path: Path) -> None:
+    """The page offers a button, so its sentence names no option."""
+    mesh = room(tmp_path, (0, 60, 0))
+    failed = _end_of_opening(m.OpenPlace(str(mesh)))
+    assert isinstance(failed, JobFailed) and failed.without is not None and not find_made_field(mesh)
+    assert "has 12 faces (far 0) that are 57.85 m away from the rest" in failed.message
+    assert "--box" not in failed.message
+    opened = _end_of_opening(m.OpenPlace(str(mesh), failed.without))
+    assert isinstance(opened, PlaceOpened)
+    box = opened.place.field.box
+    np.testing.assert_allclose(torch.stack([box.lower, box.upper]), failed.without)
+
+
+def test_a_mesh_in_an_archive_with_stray_parts_goes_by_the_name_of_its_file(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
+        archive.write(room(tmp_path, (0, 60, 0)), "house/room.glb")
+    failed = _end_of_opening(m.OpenPlace(str(tmp_path / "packed.zip")))
+    assert isinstance(failed, JobFailed) and failed.without is not None
+    assert failed.message.startswith("house/room.glb has 12 faces")
+
+
+def _end_of_opening(command: m.OpenPlace) -> JobFailed | PlaceOpened:
+    """What the worker reports at the end of opening a place at draft quality, or as soon as it is open."""
+    session = after(replace(Session.opening("balls"), quality="draft", job=None), command)
+    assert session.job is not None
+    running = RunningJob(session.job, NavigationBackend(runs=None), session)
+    while not isinstance(event := running.next_event(lambda _: None), JobFailed | PlaceOpened):
+        pass
+    running.close()
+    return event
 
 
 def _until_opened(what: str) -> list[object]:
