@@ -108,8 +108,8 @@ def choose_turn(
     """Choose the turn of a robot that holds and sees little.
 
     One that is not lost turns to the heading in which it should see something from where it began to hold; where its
-    picture says something, it keeps to that of its last informative view at first. Else it turns toward the middle of
-    the place, where there is more to see than outside.
+    picture says something, it keeps to that of its last informative view at first, if the field shows something there.
+    Else it turns toward the middle of the place, where there is more to see than outside.
     """
     began, safety_filter, dt = memory.plan.states[0], flight.stack.safety_filter, flight.request.dt
     config = flight.config.recovery
@@ -118,8 +118,9 @@ def choose_turn(
     side = 1.0 if safety_filter is None else side_of(began, safety_filter.field.box.center)
     around = math.copysign(config.turn, turn if turn else side)
     unseen_s, aim = min(memory.unsure, step.index - memory.seen_at) * dt, None
-    if step.filter_outcome is FilterOutcome.WEAK and not lost and memory.seen is not None and unseen_s <= _IN_VAIN_S:
-        aim = so3.yaw_of(memory.seen.mean.rotation).item()
+    seen = memory.seen if step.filter_outcome is FilterOutcome.WEAK and unseen_s <= _IN_VAIN_S and not lost else None
+    if seen is not None and predict_visibility(seen.mean, flight)[0] > _NOTHING:
+        aim = so3.yaw_of(seen.mean.rotation).item()
     elif turn != 0 and unseen_s <= 2 * _IN_VAIN_S + abs(turn) / most:
         aim = so3.yaw_of(began.rotation).item() + turn
     return partial(command_yaw_rate, aim=aim, most=most, around=around, dt=dt)

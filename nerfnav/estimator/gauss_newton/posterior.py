@@ -33,7 +33,7 @@ from nerfnav.robots import BODY_RATE, TANGENT, VELOCITY, ProcessNoise, RigidStat
 _CONSISTENT = 12.6
 """Normalised square of a move above which it hardly agrees with the prediction: chi-squared of six numbers, once in
 20."""
-_LEAST_TOLD = 0.01
+_LEAST_SHARE = 0.01
 """Least share of the predicted variance that a picture is taken to explain, in any direction."""
 _LARGEST = 50.0
 """Logarithm of odds beyond which the weaker hypothesis has no weight."""
@@ -222,8 +222,8 @@ def normalise_move(problem: UpdateProblem, minimum: Minimum) -> float:
     root = torch.linalg.cholesky(problem.prediction.covariance[POSE][:, POSE].double())
     gains, axes = torch.linalg.eigh(root.T @ information_at(problem, minimum).double() @ root)
     move = axes.T @ torch.linalg.solve_triangular(root, minimum.iterate.change[0, _POSE].double()[:, None], upper=False)
-    told = (gains / (1 + gains)).clamp_min(_LEAST_TOLD)
-    return float((move[:, 0].square() / told).sum())
+    share = (gains / (1 + gains)).clamp_min(_LEAST_SHARE)
+    return float((move[:, 0].square() / share).sum())
 
 
 def merge_rival(result: FilterResult, rival: FilterResult, ratio: float) -> FilterResult:
