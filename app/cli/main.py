@@ -22,7 +22,6 @@ import tyro
 
 from nerfnav import __version__
 from nerfnav.core.errors import InvalidInputError, InvalidNumberError, NerfnavError, UnknownNameError
-from nerfnav.core.files import require_fetched
 from nerfnav.core.renamed import replace_old_options
 from nerfnav_app.cli.help import ALL, HELP, format_help
 from nerfnav_app.system import importing, use_one_blas_thread
@@ -140,6 +139,8 @@ def require_finite(arguments: Any, prefix: str = "--", nested: str = "") -> None
 
 def require_sources_fetched(arguments: Any) -> None:
     """Raise InvalidInputError where an argument, of any kind, names a pointer of Git LFS in place of a file."""
+    from nerfnav.core.files import require_fetched  # imports numpy, after use_one_blas_thread
+
     for entry in fields(arguments):
         value = getattr(arguments, entry.name)
         if is_dataclass(value):

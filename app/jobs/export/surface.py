@@ -9,7 +9,6 @@ import numpy as np
 from nerfnav.core.steps import run_steps
 from nerfnav.field import GridField, field_mesh, open_rooms
 from nerfnav.field.surface.texture import texture_mesh
-from nerfnav.world import scene_color
 from nerfnav_app.places.kept_surface import keep_surface, kept_surface
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.surface_glb import encode_colored_glb, encode_textured_glb, remove_specks, simplified
@@ -70,6 +69,8 @@ they are fine enough."""
 def encode_scene(scene: "Scene") -> bytes:
     """Mesh of a scene for viewers, in its colours at corners: quick enough to be shown before its field is made."""
     import trimesh
+
+    from nerfnav.world import scene_color
 
     vertices, faces = np.asarray(scene.mesh.vertices), np.asarray(scene.mesh.faces)
     origin = np.arange(len(faces))

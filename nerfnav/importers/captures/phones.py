@@ -29,7 +29,6 @@ from typing import Annotated, ClassVar
 import numpy as np
 import torch
 from msgspec import Meta, Struct
-from PIL import Image
 
 from nerfnav.formats import KeyReport, NamedFiles, Number, Pixels, Positive, list_folder
 from nerfnav.geometry import so3
@@ -242,6 +241,8 @@ def _scanner_view(file: Path, frame: ScannerFrame, photograph: Path) -> View:
 
 def _picture_size(photograph: Path, otherwise: tuple[float, float]) -> tuple[float, float]:
     """Width and height of a photograph [pixels]; `otherwise` for one that cannot be read, which is refused later."""
+    from PIL import Image  # slow to import: not before the page is shown
+
     try:
         with Image.open(photograph) as image:
             return float(image.width), float(image.height)

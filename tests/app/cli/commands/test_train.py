@@ -66,7 +66,7 @@ def test_a_capture_is_trained_from_and_what_was_guessed_is_printed(tmp_path: Pat
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert set(printed) == {
         "psnr_db", "train_s", "voxels", "file_bytes", "learned_from", "proven_from", "geometry", "in_words",
-        "source", "psnr_one_exposure_db", "noise_std",
+        "source", "psnr_one_exposure_db", "noise_std", "input_keys",
     }  # fmt: skip
     assert {"kind", "images_used", "images_skipped", "scale", "up", "box", "guesses"} <= set(printed["source"])
     assert main([*words, "--downscale", "2", "--held-out-every", "3", "--scale", "2"]) == 0
