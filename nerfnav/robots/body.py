@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial import QhullError
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError, first_line
@@ -37,6 +36,8 @@ def solid_of(source: "trimesh.Trimesh | Path | str", spacing: float, hull: bool)
         raise InvalidInputError(f"the spacing of body points must be above 0 m, not {spacing}")
     mesh = read_mesh(source) if isinstance(source, Path | str) else check_mesh(source)
     check_size(float(mesh.extents.max()))
+    from scipy.spatial import QhullError  # slow to import
+
     try:
         mesh = (mesh.convex_hull if hull else mesh).copy()
     except QhullError as error:
