@@ -4,7 +4,6 @@ Names of properties vary by the program that wrote a file: vertex_index or verte
 (texture_u, texture_v); texcoord is a list of the coordinates of a face's corners.
 """
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,43 +11,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
+from nerfnav.importers.core.ply_header import PlyElement, PlyHeaderError, parse_ply_header
 from nerfnav.importers.meshes.parts import GREY, DamagedMeshError, Part, srgb_bytes
 from nerfnav.importers.meshes.polygons import triangulate
 from nerfnav.importers.meshes.resolver import FolderResolver, PictureError
 from nerfnav.world.surface import Image as Pixels
-
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-}
-_FORMATS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST_HEADER = 1 << 16
-
-
-@dataclass(frozen=True)
-class _Property:
-    name: str
-    """As in the header, in small letters."""
-    kind: str
-    """Type of its numbers, as numpy names it."""
-    length: str | None = None
-    """Type of the length of a list; None for a single number."""
-
-
-@dataclass(frozen=True)
-class _Element:
-    name: str
-    """Such as vertex or face."""
-    count: int
-    """Rows that the header declares."""
-    properties: list[_Property]
-    """Columns, in their order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +23,7 @@ class _Column:
     values: Shaped[np.ndarray, " n"]
     """Numbers of all rows, one after the other."""
     counts: Int[np.ndarray, " r"]
-    """How many belong to each row."""
+    """Count of those of each row."""
 
 
 _Table = dict[str, _Column]
@@ -64,17 +31,21 @@ _Table = dict[str, _Column]
 
 def read_ply_mesh(path: Path, data: bytes, beside: FolderResolver) -> list[Part]:
     """The mesh of a .ply, a part for each texture. Raises DamagedMeshError for what is no PLY, or not whole."""
-    form, elements, textures, start = _header(data)
+    try:
+        header = parse_ply_header(data)
+    except PlyHeaderError as error:
+        raise DamagedMeshError(str(error)) from error
+    elements, start = [element for element in header.elements if element.properties], header.size
     names = {element.name for element in elements if element.count}
     if not names & {"face", "tristrips"}:
         raise DamagedMeshError("holds no faces: a mesh needs triangles, points alone are not enough")
-    rows = _TextRows(data[start:]) if form == "ascii" else _BinaryRows(data, start, _FORMATS[form])
+    rows = _TextRows(data[start:]) if header.form == "ascii" else _BinaryRows(data, start, header.order)
     tables = {element.name: rows.read(element) for element in elements}
     vertex = tables.get("vertex", {})
     points = _stack(vertex, "x", "y", "z")
     if points is None:
         raise DamagedMeshError("has no vertices with x, y and z")
-    return _parts(points, vertex, tables, _pictures(textures, beside))
+    return _parts(points, vertex, tables, _pictures(header.textures, beside))
 
 
 def _parts(points: np.ndarray, vertex: _Table, tables: dict[str, _Table], pictures: list[Pixels | None]) -> list[Part]:
@@ -167,41 +138,6 @@ def _pictures(names: list[str], beside: FolderResolver) -> list[Pixels | None]:
     return found
 
 
-def _header(data: bytes) -> tuple[str, list[_Element], list[str], int]:
-    """Format, elements, names of textures, and where the header ends."""
-    end = re.search(rb"^[ \t]*end_header[ \t]*(\r\n|\n|\r)", data[:_LONGEST_HEADER], re.MULTILINE | re.IGNORECASE)
-    if data[:3].lower() != b"ply" or end is None:
-        raise DamagedMeshError("is not a .ply file: it does not begin with a header of PLY")
-    form, elements, textures = "", [], []
-    for line in data[: end.start()].decode("utf-8", "replace").splitlines()[1:]:
-        words = line.split()
-        try:
-            match words[0].lower() if words else "":
-                case "format":
-                    form = words[1].lower()
-                case "comment" | "obj_info" if len(words) > 2 and words[1].lower() == "texturefile":
-                    textures.append(line.split(None, 2)[2].strip())
-                case "element":
-                    elements.append(_Element(words[1].lower(), _count(words[2]), []))
-                case "property" if words[1].lower() == "list":
-                    kinds = (_TYPES[word.lower()] for word in words[2:4])
-                    length, kind = kinds
-                    elements[-1].properties.append(_Property(words[4].lower(), kind, length))
-                case "property":
-                    elements[-1].properties.append(_Property(words[2].lower(), _TYPES[words[1].lower()]))
-        except (IndexError, KeyError, ValueError) as error:
-            raise DamagedMeshError(f"has a line in its header that makes no sense: {line[:60]!r}") from error
-    if form not in _FORMATS:
-        raise DamagedMeshError(f"is of the format {form or 'none'!r}; PLY has {', '.join(_FORMATS)}")
-    return form, [element for element in elements if element.properties], textures, end.end()
-
-
-def _count(word: str) -> int:
-    if not 0 <= int(word) < 1 << 40:
-        raise ValueError("a count out of range")
-    return int(word)
-
-
 class _TextRows:
     """Numbers of a text file, one after the other."""
 
@@ -213,7 +149,7 @@ class _TextRows:
             raise DamagedMeshError("has a value after its header that is no number") from error
         self._at = 0
 
-    def read(self, element: _Element) -> _Table:
+    def read(self, element: PlyElement) -> _Table:
         if all(entry.length is None for entry in element.properties):
             width = len(element.properties)
             values = self._take(element.count * width, element).reshape(-1, width)
@@ -222,7 +158,7 @@ class _TextRows:
             return {entry.name: _Column(_cast(column, entry.kind), ones) for entry, column in columns}
         return _read_rows(element, lambda kind, count: _cast(self._take(count, element), kind))
 
-    def _take(self, count: int, element: _Element) -> np.ndarray:
+    def _take(self, count: int, element: PlyElement) -> np.ndarray:
         found = self._numbers[self._at : self._at + count]
         if len(found) < count:
             raise DamagedMeshError(f"is cut off: its {element.count} rows of {element.name!r} are not all there")
@@ -236,9 +172,9 @@ class _BinaryRows:
     def __init__(self, data: bytes, start: int, order: str) -> None:
         self._data, self._at, self._order = data, start, order
 
-    def read(self, element: _Element) -> _Table:
+    def read(self, element: PlyElement) -> _Table:
         """The next table; at once where all lists are as long as those of the first row."""
-        start, first = self._at, _Element(element.name, min(1, element.count), element.properties)
+        start, first = self._at, PlyElement(element.name, min(1, element.count), element.properties)
         lengths = {name: int(column.counts[0]) for name, column in self._read(first).items() if element.count}
         fields: list[tuple[str, str, tuple[int, ...]]] = []
         for number, entry in enumerate(element.properties):
@@ -262,10 +198,10 @@ class _BinaryRows:
         self._at = start
         return self._read(element)
 
-    def _read(self, element: _Element) -> _Table:
+    def _read(self, element: PlyElement) -> _Table:
         return _read_rows(element, lambda kind, count: self._take(kind, count, element))
 
-    def _take(self, kind: str, count: int, element: _Element) -> np.ndarray:
+    def _take(self, kind: str, count: int, element: PlyElement) -> np.ndarray:
         size = count * int(kind[1])
         if self._at + size > len(self._data):
             raise DamagedMeshError(f"is cut off: its {element.count} rows of {element.name!r} are not all there")
@@ -274,7 +210,7 @@ class _BinaryRows:
         return found
 
 
-def _read_rows(element: _Element, take: Callable[[str, int], np.ndarray]) -> _Table:
+def _read_rows(element: PlyElement, take: Callable[[str, int], np.ndarray]) -> _Table:
     """A table row by row: `take` gives the next numbers of a type."""
     values: dict[str, list[np.ndarray]] = {entry.name: [] for entry in element.properties}
     counts: dict[str, list[int]] = {entry.name: [] for entry in element.properties}

@@ -19,7 +19,8 @@ from typing import TypeVar
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.captures.archive import extract
 from nerfnav.importers.core.kinds import ARCHIVES, OWN_SPLATS, SPLATS, names_capture
-from nerfnav.importers.splats.ply import LONGEST_HEADER, is_splat_header
+from nerfnav.importers.core.ply_header import LONGEST_HEADER
+from nerfnav.importers.splats.ply import is_splat_header
 from nerfnav.importers.splats.sog import META, is_sog, is_sog_meta
 
 AnyPath = TypeVar("AnyPath", bound=PurePath)

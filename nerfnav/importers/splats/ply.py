@@ -5,38 +5,13 @@ logarithms of standard deviations in 11, 10, 11 bits, colour and opacity in 4 ti
 number of its largest part (2 bits) and the three others in 10 bits each from -1/sqrt(2) to 1/sqrt(2).
 """
 
-import io
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, PlyHeaderError, parse_ply_header
 from nerfnav.importers.splats.gaussians import Splats, clean_splats, from_smallest_three
-
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-}
-_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "<"}
-"""Format, as the header says it, to the order of bytes."""
-
-@dataclass(frozen=True)
-class Element:
-    """One table of a PLY file."""
-
-    name: str
-    """Such as "vertex"."""
-    count: int
-    """Rows that the header declares."""
-    columns: tuple[tuple[str, str], ...]
-    """Name and numpy type of each property; a list has the type "list"."""
 
 
 def read_ply(path: Path) -> dict[str, np.ndarray]:
@@ -44,16 +19,16 @@ def read_ply(path: Path) -> dict[str, np.ndarray]:
 
     Raises InvalidInputError where the file is no PLY or holds fewer rows than it declares.
     """
-    with path.open("rb") as file:
-        elements, length, form = _header(file, path)
-    if form == "ascii":
-        return _read_text(path, elements, length)
+    header = _read_header(path)
+    if header.form == "ascii":
+        return _read_text(path, header)
     tables: dict[str, np.ndarray] = {}
+    length = header.size
     left = path.stat().st_size - length
-    for element in elements:
-        if any(kind == "list" for _, kind in element.columns):
+    for element in header.elements:
+        if _has_lists(element):
             break
-        row = np.dtype(list(element.columns))
+        row = _row(element, header, path)
         if element.count * row.itemsize > left:
             raise InvalidInputError(
                 f"{path} is truncated: its header declares {element.count} rows of {element.name!r}, "
@@ -67,14 +42,14 @@ def read_ply(path: Path) -> dict[str, np.ndarray]:
     return tables
 
 
-def _read_text(path: Path, elements: list[Element], length: int) -> dict[str, np.ndarray]:
+def _read_text(path: Path, header: PlyHeader) -> dict[str, np.ndarray]:
     """Read the tables of a PLY file of text, a row a line."""
-    lines = path.read_bytes()[length:].split(b"\n")
+    lines = path.read_bytes()[header.size :].split(b"\n")
     tables: dict[str, np.ndarray] = {}
-    for element in elements:
-        if any(kind == "list" for _, kind in element.columns):
+    for element in header.elements:
+        if _has_lists(element):
             break
-        if not element.columns:
+        if not element.properties:
             raise InvalidInputError(f"{path} is a PLY file in the format ascii whose {element.name!r} has no columns")
         rows, lines = lines[: element.count], lines[element.count :]
         try:
@@ -82,66 +57,39 @@ def _read_text(path: Path, elements: list[Element], length: int) -> dict[str, np
             numbers = np.loadtxt(rows, np.float64, comments=None, ndmin=2) if rows else np.empty((0, 0))
         except ValueError as error:
             raise InvalidInputError(f"{path} has a row of {element.name!r} that is no row of numbers") from error
-        if numbers.shape != (element.count, len(element.columns)) and element.count:
+        width = len(element.properties)
+        if numbers.shape != (element.count, width) and element.count:
             raise InvalidInputError(
-                f"{path} is truncated: its header declares {element.count} rows of {len(element.columns)} numbers of "
+                f"{path} is truncated: its header declares {element.count} rows of {width} numbers of "
                 f"{element.name!r}, but there are {numbers.shape[0]} of {numbers.shape[1]}"
             )
-        tables[element.name] = np.zeros(element.count, np.dtype(list(element.columns)))
+        tables[element.name] = np.zeros(element.count, _row(element, header, path))
         with np.errstate(invalid="ignore", over="ignore"):
-            for column, (name, _) in enumerate(element.columns):
-                tables[element.name][name] = numbers[:, column]
+            for column, entry in enumerate(element.properties):
+                tables[element.name][entry.name] = numbers[:, column]
     return tables
 
 
-def ply_columns(path: Path | bytes) -> dict[str, tuple[str, ...]]:
-    """Names of the properties of each table, from the header alone: of a file, or of its beginning."""
-    if isinstance(path, bytes):
-        elements = _header(io.BytesIO(path), Path())[0]
-    else:
-        with path.open("rb") as file:
-            elements = _header(file, path)[0]
-    return {element.name: tuple(name for name, _ in element.columns) for element in elements}
-
-
-LONGEST_HEADER = 1 << 16
-"""Bytes in which a header ends."""
-
-
-def _header(file: io.BufferedIOBase, path: Path) -> tuple[list[Element], int, str]:
-    """The tables that a file's header declares, how many bytes it has, and the format."""
-    start = file.read(LONGEST_HEADER)
-    end = start.find(b"end_header")
-    if not start.startswith(b"ply") or end < 0:
-        raise InvalidInputError(f"{path} is not a PLY file, or its header is cut off")
-    newline = start.find(b"\n", end)
-    if newline < 0:
-        raise InvalidInputError(f"{path} is truncated: it ends in its header")
-    lines = [line.split() for line in start[:end].decode("ascii", errors="replace").splitlines()[1:]]
-    form = next((line[1] for line in lines if line[:1] == ["format"] and len(line) > 1), "unknown")
-    if form not in _ORDERS:
-        raise InvalidInputError(f"{path} is a PLY file in the format {form}; known are {', '.join(_ORDERS)}")
-    elements: list[Element] = []
+def _read_header(path: Path) -> PlyHeader:
+    """Read the header of a file. Raises InvalidInputError where it has none."""
+    with path.open("rb") as file:
+        start = file.read(LONGEST_HEADER)
     try:
-        for line in lines:
-            if line[:1] == ["element"]:
-                elements.append(Element(line[1], _count(line[2]), ()))
-            elif line[:1] == ["property"]:
-                last = elements[-1]
-                kind = "list" if line[1] == "list" else _ORDERS[form] + _TYPES[line[1]]
-                if line[-1] in dict(last.columns):
-                    raise ValueError("two properties of one name")
-                elements[-1] = Element(last.name, last.count, (*last.columns, (line[-1], kind)))
-    except (IndexError, KeyError, ValueError) as error:
-        raise InvalidInputError(f"{path} has a PLY header that makes no sense") from error
-    return elements, newline + 1, form
+        return parse_ply_header(start)
+    except PlyHeaderError as error:
+        raise InvalidInputError(f"{path} {error}") from error
 
 
-def _count(word: str) -> int:
-    count = int(word)
-    if count < 0:
-        raise ValueError("a negative count")
-    return count
+def _has_lists(element: PlyElement) -> bool:
+    return any(entry.length is not None for entry in element.properties)
+
+
+def _row(element: PlyElement, header: PlyHeader, path: Path) -> np.dtype:
+    """Type of the rows of a table. Raises InvalidInputError for two columns of one name."""
+    names = [entry.name for entry in element.properties]
+    if len(set(names)) < len(names):
+        raise InvalidInputError(f"{path} has two properties of one name in {element.name!r}")
+    return np.dtype([(entry.name, header.order + entry.kind) for entry in element.properties])
 
 
 NEEDED = (
@@ -156,9 +104,11 @@ PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 def is_splat_header(ply: Path | bytes) -> bool:
     """True for a PLY file, or its beginning, whose vertices have the properties of splats."""
     try:
-        columns = set(ply_columns(ply).get("vertex", ()))
-    except (InvalidInputError, OSError):
+        header = parse_ply_header(ply) if isinstance(ply, bytes) else _read_header(ply)
+    except (PlyHeaderError, InvalidInputError, OSError):
         return False
+    tables = {element.name: {entry.name for entry in element.properties} for element in header.elements}
+    columns = tables.get("vertex", set())
     coloured = columns.issuperset(HARMONICS) or columns.issuperset(RGB)
     return (columns.issuperset(NEEDED) and coloured) or columns.issuperset(PACKED)
 
