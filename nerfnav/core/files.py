@@ -65,7 +65,7 @@ class NpzArrays(Mapping[str, np.ndarray]):
     """Arrays of an open npz file, each read when it is asked for; objects are refused."""
 
     def __init__(self, file: np.lib.npyio.NpzFile) -> None:
-        """Read from `file`, which somebody else closes."""
+        """Read from `file`, which `open_npz` closes."""
         self._file = file
 
     def __getitem__(self, name: str) -> np.ndarray:

@@ -21,7 +21,7 @@ import yaml
 from msgspec import Meta
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.formats.record import LARGEST, Number, Pixels, convert_record, parse_json, printable, read_text
+from nerfnav.formats.record import LARGEST, Number, Pixels, convert_record, parse_json, parse_yaml, printable, read_text
 from nerfnav.geometry import Camera
 
 Entries = dict[str, Any]
@@ -85,20 +85,13 @@ def read_entries(path: Path) -> list[Entries]:
     elif path.suffix.lower() == ".json":
         documents = [parse_json(text, path)]
     else:
-        documents = _parse_yaml(text, path)
+        # OpenCV's first line (%YAML:1.0) is a directive that no parser knows
+        lines = ("" if line.startswith("%YAML") else line for line in text.splitlines())
+        documents = parse_yaml("\n".join(lines), path, _Loader)
     found = [document for document in documents if isinstance(document, dict)]
     if not found:
         raise InvalidInputError(f"{path} holds no names with values")
     return found
-
-
-def _parse_yaml(text: str, path: Path) -> list[Any]:
-    """Parse all documents. OpenCV's first line (%YAML:1.0) is a directive that no parser knows."""
-    lines = ("" if line.startswith("%YAML") else line for line in text.splitlines())
-    try:
-        return list(yaml.load_all("\n".join(lines), _Loader))
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError, AttributeError) as error:
-        raise InvalidInputError(f"{path} is not readable as YAML: {' '.join(str(error).split())[:160]}") from error
 
 
 def _parse_xml(text: str, path: Path) -> Any:

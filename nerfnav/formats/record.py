@@ -91,10 +91,10 @@ def parse_json(text: str, what: object) -> Any:
         ) from error
 
 
-def parse_yaml(text: str, what: object) -> Any:
-    """Parse YAML of one document; `what` is the name of the file. Raises InvalidInputError for other text."""
+def parse_yaml(text: str, what: object, loader: type[yaml.SafeLoader] = yaml.SafeLoader) -> list[Any]:
+    """Parse the documents of YAML; `what` is the name of the file. Raises InvalidInputError for other text."""
     try:
-        return yaml.safe_load(text)
+        return list(yaml.load_all(text, loader))
     except (yaml.YAMLError, ValueError, TypeError, RecursionError, AttributeError) as error:
         reason = " ".join(str(error).split())[:160]
         raise InvalidInputError(f"{what} is not readable as YAML: {reason}") from error
@@ -174,7 +174,7 @@ def _sentence(message: str, content: Any) -> str:
 
 
 def _needed(reason: str) -> str:
-    """What a field takes, as words: of a message such as "Expected `float | null`, got `str`"."""
+    """Say in words which value a field takes, by a message such as "Expected `float | null`, got `str`"."""
     expected = re.match("Expected `([^`]*)`( [^,]*)?", reason)
     if expected is None:
         return "another value" if reason != "Number out of range" else "a finite number"

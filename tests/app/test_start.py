@@ -39,6 +39,11 @@ print(json.dumps(sorted(sys.modules)))
 """
 
 
+def test_the_command_limits_numpys_threads_before_numpy_is_imported() -> None:
+    code = "import sys, nerfnav_app.cli.main; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=300).returncode == 0
+
+
 @pytest.mark.slow
 def test_a_place_is_opened_and_shown_before_anything_slow_is_imported_but_torch() -> None:
     for _ in range(2):  # the first time may have to make what is kept

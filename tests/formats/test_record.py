@@ -103,7 +103,7 @@ def test_text_is_read_by_its_byte_order_mark(tmp_path: Path, encoding: str) -> N
 
 
 def test_numbers_of_yaml_may_be_texts() -> None:
-    content = parse_yaml("frames: [{file_path: a, fl_x: 1e-3}]", "a.yaml")
+    (content,) = parse_yaml("frames: [{file_path: a, fl_x: 1e-3}]", "a.yaml")
     assert convert_record(content, Whole, "a.yaml", strict=False).frames[0].fl_x == 1e-3
 
 

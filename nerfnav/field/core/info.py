@@ -37,7 +37,7 @@ class FieldInfo:
     outlier_share: float | None = None
     """Share of pixels on held-out views that are outliers of the latter."""
     made_by: str = ""
-    """How it was made: "trained" from pictures, "baked" from a mesh or from another field, or "imported"; empty where
+    """Origin of its values: "trained" from pictures, "baked" from a mesh or another field, or "imported"; empty where
     unknown."""
     learned_from: str = ""
     """Source of its geometry: "pictures", "pictures and depth" or "mesh"; empty where unknown."""

@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from nerfnav.formats import ColmapModel
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.kinds import identify_data, read_head
 from nerfnav.importers.core.progress import ImportStep
@@ -50,7 +51,7 @@ def make_capture_of_video(
     yield ImportStep("finding the camera's poses (COLMAP)", 0.3)
     (folder / "sparse").mkdir(exist_ok=True)
     poser(folder)
-    _keep_largest(video, folder)
+    _require_posed(video, folder)
     yield ImportStep("finding the camera's poses (COLMAP)", 1.0)
 
 
@@ -142,18 +143,13 @@ def _by_pycolmap(folder: Path) -> None:
         raise CaptureError(f"pycolmap failed: {str(error)[:_MESSAGE]}") from error
 
 
-def _keep_largest(video: Path, folder: Path) -> None:
-    """Let the largest of the models that COLMAP made be the capture's. Raises CaptureError where it is too small."""
-    models = (folder / "sparse").glob("*/images.bin")  # a binary model begins with the number of its images
-    posed = {model.parent: int.from_bytes(model.read_bytes()[:8], "little") for model in models}
+def _require_posed(video: Path, folder: Path) -> None:
+    """Raise CaptureError where the largest of the models that COLMAP made, which counts, has poses of few frames."""
+    models = (ColmapModel(place.parent) for place in (folder / "sparse").glob("*/images.bin"))
+    posed = max((len(model.images()) for model in models), default=0)
     frames = len(list((folder / "images").iterdir()))
-    largest = max(posed, key=lambda model: posed[model], default=None)
-    if largest is None or posed[largest] < _LEAST_SHARE * frames:
+    if posed < _LEAST_SHARE * frames or posed == 0:
         raise CaptureError(
-            f"COLMAP found poses for {max(posed.values(), default=0)} of {frames} frames of {video}: film slowly, in "
-            "good light, from many places, without jumps"
+            f"COLMAP found poses for {posed} of {frames} frames of {video}: film slowly, in good light, from many "
+            "places, without jumps"
         )
-    for other in posed:
-        if other != largest:
-            shutil.rmtree(other)
-    largest.rename(folder / "sparse" / "0")

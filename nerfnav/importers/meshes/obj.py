@@ -101,7 +101,7 @@ def _lines(text: str) -> Iterator[_Line]:
 
 
 class _Content:
-    """What the lines of a file say, sorted by their keyword."""
+    """Lines of a file, sorted by their keyword."""
 
     def __init__(self, lines: Iterator[_Line]) -> None:
         self.rows: dict[str, list[str]] = {"v": [], "vt": [], "mtllib": []}

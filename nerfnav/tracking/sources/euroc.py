@@ -41,7 +41,7 @@ _WALK = Annotated[float, Meta(ge=0, lt=LARGEST)]
 
 
 class Sensor(msgspec.Struct, frozen=True):
-    """What the file of a sensor tells beside the lens."""
+    """Entries of a sensor's file beside the lens."""
 
     T_BS: Annotated[list[Number], Meta(min_length=16, max_length=16)] | None = None
     gyroscope_noise_density: Positive | None = None
