@@ -18,7 +18,7 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _MOST_ROWS = 1 << 40
-_END = re.compile(rb"^[ \t]*end_header[ \t]*(\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
+_END = re.compile(rb"(?<=[\r\n])[ \t]*end_header[ \t]*(\r\n|\n|\r)", re.IGNORECASE)
 
 
 class PlyHeaderError(ValueError):
