@@ -22,7 +22,7 @@ _NAMED = ("metadata",)
 """Extensionless files of captures: Record3D's."""
 _WANTED = (".json", ".txt", ".bin", ".npy", *PICTURES)
 """Endings of files that captures consist of; others stay in the archive."""
-_BROKEN = (
+BROKEN = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, UnicodeDecodeError, ValueError,
     NotImplementedError, RuntimeError,
 )  # fmt: skip
@@ -54,8 +54,8 @@ def list_names(archive: Path) -> list[str]:
     """Names of the files in an archive. Raises CaptureError where it is broken."""
     try:
         with zipfile.ZipFile(archive) as content:
-            return [entry.filename for entry in _files_in(content)]
-    except _BROKEN as error:
+            return [entry.filename for entry in files_in(content)]
+    except BROKEN as error:
         raise CaptureError(f"{archive} is no readable .zip: {_REASON}") from error
 
 
@@ -68,13 +68,13 @@ def extract(archive: Path, into: Path, endings: tuple[str, ...] = _WANTED) -> No
         with zipfile.ZipFile(archive) as content:
             for entry in _wanted(content, archive, endings):
                 content.extract(entry, into)  # reads no more than the size that was judged
-    except _BROKEN as error:
+    except BROKEN as error:
         raise CaptureError(f"{archive} is no readable .zip: {_REASON}") from error
     except OSError as error:
         raise CaptureError(f"{archive} cannot be unpacked: {error.strerror}") from error
 
 
-def _files_in(content: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+def files_in(content: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     """Files of an archive, with slashes in their names, and without those that belong to a file system."""
     entries = content.infolist()
     for entry in entries:
@@ -83,7 +83,7 @@ def _files_in(content: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 
 
 def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -> list[zipfile.ZipInfo]:
-    entries = _files_in(content)
+    entries = files_in(content)
     for entry in entries:
         path = PurePosixPath(entry.filename)
         if path.is_absolute() or ".." in path.parts or ":" in "".join(path.parts[:1]):

@@ -4,20 +4,18 @@ Training of 3D Gaussian splatting leaves point_cloud/iteration_N/point_cloud.ply
 splats; the last iteration counts. Elsewhere a folder or archive holds one file of splats, or the parts of a SOG.
 """
 
-import lzma
 import os
 import re
-import struct
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeVar
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.captures.archive import extract
+from nerfnav.formats import is_system_file
+from nerfnav.importers.captures.archive import BROKEN, extract, files_in
 from nerfnav.importers.core.kinds import ARCHIVES, OWN_SPLATS, SPLATS, names_capture
 from nerfnav.importers.core.ply_header import LONGEST_HEADER
 from nerfnav.importers.splats.ply import is_splat_header
@@ -27,8 +25,6 @@ AnyPath = TypeVar("AnyPath", bound=PurePath)
 _ITERATION = re.compile(r"iteration_(\d+)")
 _PARTS = (*SPLATS, ".json", ".webp")
 """Endings of what is unpacked."""
-_DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, OSError, EOFError, ValueError, RuntimeError)
-"""Exceptions of zipfile and its compressions for archives that cannot be read."""
 _NESTED = ("*", "iteration_*/*", "point_cloud/iteration_*/*")
 """Places in a folder where its splats may lie."""
 
@@ -48,11 +44,11 @@ def list_splats(container: Path) -> Sequence[PurePath]:
         return _chosen([path.relative_to(container) for path in found], lambda name: _is_splats(container / name))
     try:
         with zipfile.ZipFile(container) as archive:
-            entries = {PurePosixPath(entry.filename.replace("\\", "/")): entry for entry in archive.infolist()}
+            entries = {PurePosixPath(entry.filename): entry for entry in files_in(archive)}
             chosen = _chosen(entries, lambda name: _is_splats_inside(archive, entries[name]))
             trained = any(_iteration(name) >= 0 for name in chosen)
             return chosen if trained or not names_capture(entries) else []
-    except _DAMAGE:
+    except (*BROKEN, OSError):
         return []
 
 
@@ -85,8 +81,8 @@ def unpack_splats(container: Path) -> Iterator[Path]:
 
 
 def _chosen(names: Iterable[AnyPath], is_splats: Callable[[AnyPath], bool]) -> list[AnyPath]:
-    names = [name for name in names if not any(part.startswith(("._", "__MACOSX")) for part in name.parts)]
-    found = sorted(name for name in names if name.suffix.lower() in _PARTS and is_splats(name))
+    names = [name for name in names if name.suffix.lower() in _PARTS and not is_system_file(name.as_posix())]
+    found = sorted(name for name in names if is_splats(name))
     last = max(map(_iteration, found), default=-1)
     return [name for name in found if _iteration(name) == last]
 
@@ -107,10 +103,11 @@ def _is_splats(path: Path) -> bool:
 
 
 def _is_splats_inside(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bool:
-    suffix, name = PurePosixPath(entry.filename).suffix.lower(), PurePosixPath(entry.filename.replace("\\", "/")).name
+    name = PurePosixPath(entry.filename)
+    suffix = name.suffix.lower()
     if suffix not in (".json", ".ply"):
         return suffix in SPLATS
-    if suffix == ".json" and name.lower() != META:
+    if suffix == ".json" and name.name.lower() != META:
         return False
     with archive.open(entry) as stream:
         head = stream.read(LONGEST_HEADER)
