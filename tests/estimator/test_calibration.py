@@ -85,6 +85,7 @@ def test_where_all_fail_the_floor_is_the_prediction() -> None:
 def test_a_trained_field_that_was_never_calibrated_is_widened() -> None:
     config, trained = FastConfig(), FieldInfo(noise_std=0.03)
     assert config.for_field(trained).color_noise.per_patch == 0.25
+    assert config.for_field(FieldInfo(learned_from="mesh")).color_noise.per_patch == 0.25
     assert config.for_field(FieldInfo()).color_noise.per_patch == 1
     assert config.for_field(replace(trained, position_floor_m=0.001)).color_noise.per_patch == 1
     calibrated = replace(trained, information_ratio=2.0, position_floor_m=0.001, attitude_floor_rad=0.003)

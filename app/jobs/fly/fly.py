@@ -7,6 +7,7 @@ from typing import Any
 
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.export import csv_text, episode_table, json_text
+from nerfnav.field import VoxelField
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import FLYABLE, PlanOutcome, PlanResult
 from nerfnav.robots import Motion
@@ -69,6 +70,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     ends = put_on_ground(place, given, request.route.unknown)
     request = replace(request, route=replace(request.route, ends=ends))
     out = None if request.out is None else prepare_folder(request.out)
+    place = yield from _calibrated(place)
     plan = request.plan
     if plan is None:
         yield Progress("finding a way", 0.0)
@@ -97,6 +99,21 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     episode = Episode.of(flown)
     summary = summary_of(episode, place) | describe_move(given, ends)
     return JobResult(summary, () if out is None else save(out, episode, place))
+
+
+def _calibrated(place: Place) -> Generator[JobEvent, bool | None, Place]:
+    """Calibrate a field that was baked from a mesh a moment ago: a filter cannot rely on one that was never compared
+    with pictures."""
+    field, scene = place.field, place.scene
+    if not isinstance(field, VoxelField) or scene is None:
+        return place
+    if field.info.learned_from != "mesh" or field.info.noise_std is not None:
+        return place
+    from nerfnav_app.jobs.field.baked import calibrate  # slow to import, and seldom needed
+
+    yield Progress("calibrating the field by pictures", 0.0)
+    field, _ = yield from calibrate(field, scene)
+    return replace(place, field=field)
 
 
 def _first_plan(request: FlyRequest, place: Place) -> Generator[JobEvent, bool | None, PlanResult | None]:

@@ -122,11 +122,13 @@ class FastConfig(UpdateConfig):
     def for_field(self: Config, info: FieldInfo) -> Config:
         """Return the options with a field's measured noise and its calibration; a floor that was set by hand stays.
 
-        A picture of a field that was trained but never calibrated tells `uncalibrated` times less.
+        A picture of a field that was trained, or baked from a mesh, but never calibrated tells `uncalibrated` times
+        less.
         """
         ratio = info.information_ratio
         if ratio is None:
-            trusted = info.noise_std is None or info.position_floor_m is not None
+            is_exact = info.noise_std is None and info.learned_from != "mesh"
+            trusted = is_exact or info.position_floor_m is not None
             ratio = 1.0 if trusted else self.uncalibrated
         usual, noise = FastConfig(), self.color_noise.measured(info.noise_std)
         known = replace(self, color_noise=replace(noise, per_patch=noise.per_patch / ratio))

@@ -126,7 +126,7 @@ def test_info_judges_the_shape_of_a_field_by_a_mesh_and_takes_a_picture(
     assert "no mesh file" in refused(["info", str(field_file), "--mesh", "atlantis"], capsys)
     words = tmp_path / "words.ply"
     words.write_text("no mesh at all")
-    assert "is not a .ply file" in refused(["info", str(field_file), "--mesh", str(words)], capsys)
+    assert "is not a PLY file" in refused(["info", str(field_file), "--mesh", str(words)], capsys)
 
 
 def test_doctor_finds_working_kernels(capsys: Capture) -> None:

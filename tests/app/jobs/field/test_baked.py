@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,14 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.importers.meshes.config import SceneConfig
 from nerfnav_app.cli.main import BAD_INPUT, main
-from nerfnav_app.jobs.events import PlaceOpened, SurfaceShaped
+from nerfnav_app.jobs.events import PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.jobs.field import baked
 from nerfnav_app.jobs.field.baked import refine
+from nerfnav_app.jobs.fly import fly
+from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.open import make_field
 from nerfnav_app.jobs.open.opening import run
+from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.place import open_place
 from nerfnav_app.places.surface_glb import read_box
 from nerfnav_app.queries.better_field import BetterFieldQuery
@@ -123,3 +127,14 @@ def test_each_stage_is_told_once(opened: Session, tmp_path: Path) -> None:
     assert place is not None and isinstance(place.field, VoxelField) and place.scene is not None
     fields = [field for field in refine(place.field, place.scene, tmp_path / "f.npz", 0.2) if field is not None]
     assert [field.info.iterations > 0 for field in fields] == [False, True]
+
+
+@pytest.mark.slow
+def test_a_flight_in_a_field_that_was_just_baked_calibrates_it_first(opened: Session) -> None:
+    place, ends = opened.place, opened.ends
+    assert place is not None and ends is not None and place.field.info.noise_std is None
+    measured = replace(place, field=replace(place.field, info=replace(place.field.info, noise_std=0.1)))
+    for where, calibrates in ((place, True), (measured, False)):
+        labels = (event.label for event in fly.run(FlyRequest(PlanRequest(ends)), where) if isinstance(event, Progress))
+        before = set(takewhile(lambda label: label != "finding a way", labels))
+        assert ("calibrating the field by pictures" in before) is calibrates

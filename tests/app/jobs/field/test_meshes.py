@@ -211,7 +211,7 @@ def test_an_archive_of_two_meshes_or_a_damaged_one_is_refused_by_its_own_name(tm
     with pytest.raises(InvalidInputError, match=r"place\.zip holds 2 meshes"):
         list(run(_request(_zipped(tmp_path, "a.ply", "b.ply"), tmp_path / "f.npz")))
     (tmp_path / "a.ply").write_text("no mesh")
-    with pytest.raises(MeshFileError, match=r"^inner/a\.ply is not a \.ply file"):
+    with pytest.raises(MeshFileError, match=r"^inner/a\.ply is not a PLY file"):
         list(run(_request(_zipped(tmp_path, "a.ply"), tmp_path / "f.npz")))
 
 
