@@ -43,7 +43,16 @@ class Kernel:
     @property
     def _numba_type_(self) -> Any:
         """Type of the kernel for numba, where other kernels call it."""
-        return self._dispatcher._numba_type_
+        return self._inlined._numba_type_
+
+    @cached_property
+    def _inlined(self) -> Any:
+        """The same as a part of the kernels that call it.
+
+        As a function of its own it would be in the machine code of each caller, rounded as that caller's compilation
+        fused its operations, and the copy that is loaded first would serve all: results would depend on the order.
+        """
+        return self._made(self._options | {"cache": False, "forceinline": True}, cache_folder())
 
     @cached_property
     def _dispatcher(self) -> Any:
@@ -70,17 +79,16 @@ class Kernel:
             return numba.njit(**options)(self._function)
 
 
-def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False) -> Callable[[Any], Kernel]:
+def kernel(*, parallel: bool = False, exact: bool = False) -> Callable[[Any], Kernel]:
     """Compile a function with numba, cached, without the interpreter's lock.
 
-    `inline` marks a small function that is only called by other kernels; `exact` keeps each operation as it is written,
-    so that it rounds as numpy does.
+    Where another kernel calls it, it becomes a part of that one. `exact` keeps each operation as it is written, so that
+    it rounds as numpy does.
     """
 
     def decorate(function: Any) -> Kernel:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "parallel": parallel}
-        options["fastmath"] = set() if exact else _FAST
-        options |= {"cache": False, "forceinline": True} if inline else {"cache": True}
+        fastmath = set() if exact else _FAST
+        options = {"nogil": True, "error_model": "numpy", "parallel": parallel, "fastmath": fastmath, "cache": True}
         # unwrapped: when shapes are checked, every function of the package comes in a wrapper
         return Kernel(inspect.unwrap(function), options)
 

@@ -5,7 +5,7 @@ import math
 from nerfnav.core.jit import kernel
 
 
-@kernel(inline=True)
+@kernel()
 def root_of(matrix, shift, root):
     """Fill the lower triangle of Cholesky's root of A + shift I; returns whether that is positive definite.
 

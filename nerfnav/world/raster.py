@@ -99,7 +99,7 @@ def project(vertices, matrix, size, points, stands, beyond):
         beyond[i] = across | ((c <= 0) << 4)
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _edges(a, b, c):
     """Edge functions (3 x 3, row by row) of a triangle between the points a, b, c, and its determinant."""
     ux, uy, uz = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
@@ -112,14 +112,14 @@ def _edges(a, b, c):
     return ux, uy, uz, vx, vy, vz, wx, wy, wz, det
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _range(a, b, c, count):
     """First and last of `count` pixels between three coordinates, a little more than those that are strictly within."""
     least, most = max(min(a, b, c) - 0.501, 0.0), min(max(a, b, c) - 0.499, count - 1.0)
     return (np.int64(np.ceil(least)), np.int64(np.floor(most))) if least <= most else (1, 0)
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _narrowed(first, last, slope, offset):
     """Those pixels of a row, from `first` to `last`, at which an edge function may be positive, and a few more."""
     if slope == 0:

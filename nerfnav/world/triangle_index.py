@@ -70,13 +70,13 @@ def boxes_touch_triangles(corners: Float[np.ndarray, "m 3 3"], half: Vector) -> 
     return touched
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _apart(a, b, c, half):
     """Check that three numbers are all on one side of the interval from -`half` to `half`."""
     return min(a, b, c) > half or max(a, b, c) < -half
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _apart_across(a, b, c, edge, half):
     """Check for a separating axis across an edge and an axis of the box around the origin, of these half edges."""
     for i in range(3):
@@ -88,7 +88,7 @@ def _apart_across(a, b, c, edge, half):
     return False
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _touch(a, b, c, half):
     """Check that the triangle between three corners touches the box around the origin, of these half edges."""
     for axis in range(3):
@@ -114,7 +114,7 @@ def touch_each(triangles, half, touched):
         touched[index] = _touch(a, b, (corners[2, 0], corners[2, 1], corners[2, 2]), size)
 
 
-@kernel(inline=True, exact=True)
+@kernel(exact=True)
 def _seen_from(rotation, center, corner):
     """A point of the world in the axes of a box that stands at x_world = rotation x + center."""
     x, y, z = corner[0] - center[0], corner[1] - center[1], corner[2] - center[2]

@@ -1,6 +1,5 @@
 """What visitors bring through the browser ends as an opened place, or as one sentence."""
 
-import shutil
 import tempfile
 import threading
 from collections.abc import Callable
@@ -15,16 +14,12 @@ import torch
 from nerfnav.field.storage.checkpoint import save_field
 from nerfnav_app.jobs.open import opening as scene
 from nerfnav_app.places.place import Place, open_place
-from nerfnav_app.places.sources import BUDGETS_S, USUAL
 from nerfnav_app.server import App
 from nerfnav_app.state.place import ChooseQuality
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place
-from tests.app.jobs.field.test_meshes import pillars
 from tests.browser.tab import Tab
-from tests.importers.captures.test_depths import write_depths
 from tests.importers.meshes.test_stray import room
-from tests.importers.splat_files import ball_of_splats, write_spz
 from tests.waiting import PATIENCE_S
 
 
@@ -80,43 +75,3 @@ def test_a_stray_part_of_a_mesh_is_left_out_where_the_user_presses_the_button(
     place = app.session.place
     assert place is not None and place.field.box.size.max() < 8
     tab.until(lambda: not tab.says("away from the rest"), "the page still offers to leave it out")
-
-
-def _spz(folder: Path) -> Path:
-    write_spz(folder / "moon.spz", ball_of_splats(400))
-    return folder / "moon.spz"
-
-
-def _capture(folder: Path) -> Path:
-    return Path(shutil.make_archive(str(folder / "room"), "zip", write_depths(folder / "room")))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "write", [_spz, _capture, partial(pillars, at=(0.0,))], ids=["splats", "capture", "mesh"]
-)
-def test_what_is_uploaded_becomes_a_place_in_which_one_plans(
-    write: Callable[[Path], Path],
-    serve: Callable[..., App],
-    open_tab: Callable[[App], Tab],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(BUDGETS_S, USUAL, 5.0)
-    app = serve(opening_work())
-    tab = open_tab(app)
-    tab.turn_to("Scene")
-    first = app.session.place
-    tab.upload("place.upload", write(tmp_path))
-    tab.until(lambda: app.session.place is not first and app.session.place is not None, "it was not opened", 180)
-    tab.until(lambda: app.session.job is None, "its surface was not shaped")
-    place = app.session.place
-    assert place is not None and place.field.box.size.max() < 20
-    tab.press("status.next.start_plan")
-    tab.until(lambda: app.session.job is None and app.session.plan is not None, "the plan did not end")
-    plan = app.session.plan
-    assert plan is not None and plan.latest is not None and plan.outcome is not None, app.session.trouble
-    planned = plan.latest.motion.states.position.numpy()
-    assert np.isfinite(planned).all()
-    tab.until(lambda: tab.shows("/plan/line", planned), "the page shows another plan")
-    np.testing.assert_allclose(planned[-1], app.session.ends.goal.position, atol=1e-3)

@@ -1,6 +1,7 @@
 """How many threads kernels use, and that they may be made in any thread."""
 
 import os
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +17,21 @@ from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.field.proof import carving
 
 ROOT = Path(__file__).parents[2]
+
+
+@kernel()
+def _polynomial(x: float) -> float:
+    total = 0.0
+    for i in range(8):
+        total += x**i / (1.0 + i * x)
+    return total
+
+
+def _sum_of_polynomials(values: np.ndarray) -> float:
+    total = 0.0
+    for value in values:
+        total += _polynomial(value)
+    return total
 
 
 @pytest.mark.parametrize(("usable", "expected"), [({0}, 1), ({0, 1}, 1), ({1, 4, 5, 7}, 3)])
@@ -134,3 +150,33 @@ def test_reading_machine_code_from_the_cache_is_no_compilation() -> None:
     with report_compilation(reports.append):
         np.testing.assert_array_equal(Kernel(squares._function, squares._options)(np.arange(3.0)), [0.0, 1.0, 4.0])
     assert reports == []
+
+
+def test_a_kernel_that_another_one_calls_is_a_part_of_it() -> None:
+    caller = Kernel(_sum_of_polynomials, {"cache": False})  # what is read from a cache cannot be looked at
+    assert caller(np.ones(3)) > 0
+    (code,) = caller._dispatcher.inspect_llvm().values()
+    assert "PyArg_UnpackTuple" in code, "the code that Python calls"
+    assert not re.findall(r"(?:define|call) [^\n]*@_ZN\w*11_polynomial", code)
+
+
+_PLAN = """
+import numpy as np
+import nerfnav
+import nerfnav_scenes as scenes
+scene = scenes.load("stonehenge")
+field = nerfnav.load_field(scenes.trained_path("stonehenge"))
+task = scene.tasks[10]
+problem = nerfnav.PlanProblem(field, nerfnav.Quadrotor(), task.start_state, task.goal_state)
+print(np.asarray(nerfnav.plan(problem).motion.actions).tobytes().hex())
+"""
+
+
+@pytest.mark.nightly
+def test_a_plan_is_equal_to_the_bit_whether_its_kernels_are_compiled_or_read(tmp_path: Path) -> None:
+    variables = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    compiled, read = (
+        subprocess.run([sys.executable, "-c", _PLAN], env=variables, cwd=ROOT, check=True, capture_output=True).stdout
+        for _ in range(2)
+    )
+    assert compiled and compiled == read

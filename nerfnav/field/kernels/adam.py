@@ -13,7 +13,7 @@ _CHANNELS = 4
 """Raw density and colour: a number that is known when loops over it are compiled."""
 
 
-@kernel(inline=True)
+@kernel()
 def touched_by_any(touched, slot):
     """Check that any thread has added a gradient to a block."""
     found = False
@@ -92,7 +92,7 @@ def adam(values, blocks, gradients, touched, moments, rates, rate_scale, bounds,
                         values[x, y, z, channel] = min(max(moved, bounds[0, channel]), bounds[1, channel])
 
 
-@kernel(inline=True)
+@kernel()
 def block_steps(slopes, first, second, corrections, steps):
     """Adam's steps at a rate of 1 for all numbers of a block, in order; `slopes` are used up, those of 0 rest.
 

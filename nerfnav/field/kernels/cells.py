@@ -18,7 +18,7 @@ NEGLIGIBLE_RAW = np.float32(-16.0)
 """softplus below this is under 1.2e-7: no density."""
 
 
-@kernel(inline=True)
+@kernel()
 def node_counts(values, lower):
     """Numbers of nodes along x, y, z; of a grid in bricks they stand behind the corner in `lower` (6)."""
     if values.ndim == 5:
@@ -26,7 +26,7 @@ def node_counts(values, lower):
     return values.shape[0], values.shape[1], values.shape[2]
 
 
-@kernel(inline=True)
+@kernel()
 def part_of(values, occupied, i, j, k):
     """The dense values that hold cell (i, j, k), and its index in them: all, or the brick of its block."""
     if values.ndim == 5:
@@ -36,19 +36,19 @@ def part_of(values, occupied, i, j, k):
     return values, i, j, k
 
 
-@kernel(inline=True)
+@kernel()
 def softplus(x):
     """log(1 + exp(x)) without overflow."""
     return x if x > np.float32(15.0) else np.float32(math.log1p(math.exp(x)))
 
 
-@kernel(inline=True)
+@kernel()
 def sigmoid(x):
     """The derivative of softplus."""
     return np.float32(1.0) / (np.float32(1.0) + np.float32(math.exp(-x)))
 
 
-@kernel(inline=True)
+@kernel()
 def cell_of(coordinate, count):
     """Index of the cell that holds a grid coordinate, and the fraction within it (both clamped to the grid)."""
     clamped = min(max(coordinate, np.float32(0.0)), np.float32(count - 1))
@@ -56,7 +56,7 @@ def cell_of(coordinate, count):
     return index, np.float32(clamped - np.float32(index))
 
 
-@kernel(inline=True)
+@kernel()
 def corner_weights(x, y, z, weights):
     """Trilinear weights of the 8 corners of a cell, z fastest, written into `weights`."""
     one = np.float32(1.0)
@@ -67,7 +67,7 @@ def corner_weights(x, y, z, weights):
     weights[6], weights[7] = xy11 * (one - z), xy11 * z
 
 
-@kernel(inline=True)
+@kernel()
 def interpolate(values, channel, i, j, k, weights):
     """One channel between the 8 corners of cell (i, j, k)."""
     return (
@@ -82,7 +82,7 @@ def interpolate(values, channel, i, j, k, weights):
     )
 
 
-@kernel(inline=True)
+@kernel()
 def between(values, channel, i, j, k, x, y, z):
     """Value of a channel at a fraction (x, y, z) of a cell."""
     near00, near01 = values[i, j, k, channel], values[i, j + 1, k, channel]
@@ -95,7 +95,7 @@ def between(values, channel, i, j, k, x, y, z):
     return face0 + x * (face1 - face0)
 
 
-@kernel(inline=True)
+@kernel()
 def slopes_between(values, channel, i, j, k, x, y, z):
     """Value of a channel at a fraction (x, y, z) of a cell, and its gradient [1 / node].
 
@@ -117,7 +117,7 @@ def slopes_between(values, channel, i, j, k, x, y, z):
     return face0 + x * (face1 - face0), face1 - face0, by_y, (one - x) * along0 + x * along1
 
 
-@kernel(inline=True)
+@kernel()
 def slab(start, slope, count, enter, leave):
     """Narrow the interval [enter, leave] of a ray to one axis of the grid; coordinates run from 0 to count - 1."""
     if abs(slope) < np.float32(1e-9):
@@ -128,7 +128,7 @@ def slab(start, slope, count, enter, leave):
     return max(enter, min(first, second)), min(leave, max(first, second))
 
 
-@kernel(inline=True)
+@kernel()
 def cube_exit(start, slope, cell, shift):
     """Distance along a ray at which it leaves, along one axis, the cube of 2^shift cells a side that holds `cell`."""
     if abs(slope) < np.float32(1e-9):
@@ -137,7 +137,7 @@ def cube_exit(start, slope, cell, shift):
     return (np.float32(cube << shift) - start) / slope
 
 
-@kernel(inline=True)
+@kernel()
 def node_in_block(x, y, z):
     """Index of a node among the 64 of its block."""
     return ((x & 3) << 4) | ((y & 3) << 2) | (z & 3)
@@ -147,7 +147,7 @@ POINTS_AT_ONCE = 256
 """Points that one thread takes at a time."""
 
 
-@kernel(inline=True)
+@kernel()
 def density_of_rows(values, occupied, lower, per_meter, scale, points, rows, density, gradient):
     """rho [1/m] at the points of some rows (first, end) and d rho / d p [1/m^2]; zero outside the grid.
 

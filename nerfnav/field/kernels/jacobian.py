@@ -30,7 +30,7 @@ from nerfnav.field.kernels.march import CHUNK, grid_ray, locate, next_sample, sa
 from nerfnav.field.kernels.shells import middle_of, shell_count
 
 
-@kernel(inline=True)
+@kernel()
 def values_and_slopes(values, cell, fraction, per_meter, mixed):
     """Fill `mixed` (channels, 4): value and gradient [1/m] of each channel between the 8 corners of a cell."""
     one = np.float32(1.0)
@@ -52,7 +52,7 @@ def values_and_slopes(values, cell, fraction, per_meter, mixed):
         mixed[channel, 3] = per_meter[2] * ((one - x) * along0 + x * along1)
 
 
-@kernel(inline=True)
+@kernel()
 def add_sample(mixed, scale, step, distance, light, sums):
     """Add one sample to the sums of its ray; returns the light behind it.
 
@@ -77,7 +77,7 @@ def add_sample(mixed, scale, step, distance, light, sums):
     return behind
 
 
-@kernel(inline=True)
+@kernel()
 def finish_ray(sums, light, background, direction, color, jacobian):
     """Fill colour (3) and Jacobian (3, 6) of a ray from its sums and the light that is left."""
     x, y, z = direction[0], direction[1], direction[2]
@@ -148,7 +148,7 @@ def add_shells(outer, ray, begin, light, first, sums):
     return light, first
 
 
-@kernel(inline=True)
+@kernel()
 def _add(values, place, by_place, seen, sample, sums):
     """Add a shell to the sums, as `add_sample` does.
 
@@ -168,14 +168,14 @@ def _add(values, place, by_place, seen, sample, sums):
     _put(sums[3], distance, dx, dy, dz)
 
 
-@kernel(inline=True)
+@kernel()
 def _put(row, distance, x, y, z):
     """Add a slope to a row of sums, and that weighted by its distance."""
     row[1], row[2], row[3] = row[1] + x, row[2] + y, row[3] + z
     row[4], row[5], row[6] = row[4] + distance * x, row[5] + distance * y, row[6] + distance * z
 
 
-@kernel(inline=True)
+@kernel()
 def _leaves(size, at, along, inverse):
     """Distance [m] at which a ray leaves a box of `size` around the origin, -1 where it misses it; and the axis."""
     enter, leave, face = np.float32(0.0), np.float32(np.inf), 0
@@ -188,7 +188,7 @@ def _leaves(size, at, along, inverse):
     return (leave if leave > enter else np.float32(-1.0)), face
 
 
-@kernel(inline=True)
+@kernel()
 def _along_face(slopes, seen):
     """The gradient in space [1 / node] of what is seen on a face that stays where it is [1/m]."""
     scale, direction, face = seen

@@ -90,7 +90,7 @@ def parts_above(values, slots, threshold, parts):
                         parts[a >> 1, b >> 1, c >> 1] |= np.uint8(1 << (((a & 1) << 2) | ((b & 1) << 1) | (c & 1)))
 
 
-@kernel(inline=True)
+@kernel()
 def empty_side(parts, i, j, k):
     """log2 of the cells along each edge of what is empty around cell (i, j, k): a part, a block; 0 where it is not."""
     byte = parts[np.uint64(i >> 2), np.uint64(j >> 2), np.uint64(k >> 2)]
@@ -122,13 +122,13 @@ def depth_table(scale: float, step: float, unit: float) -> np.ndarray:
     return np.stack([-np.expm1(-step * density), slope, thinning], -1).astype(np.float32)
 
 
-@kernel(inline=True)
+@kernel()
 def between_entries(table, raw, column):
     """A column of `depth_table` at a raw density."""
     return column_at(table, entry_at(table, raw), column)
 
 
-@kernel(inline=True)
+@kernel()
 def mixed(nodes, channel, first, along, weights):
     """One channel between the 8 corners of a cell whose first node is `first` of `nodes` (n, 4).
 
@@ -148,7 +148,7 @@ def mixed(nodes, channel, first, along, weights):
     )
 
 
-@kernel(inline=True)
+@kernel()
 def scatter(gradient, touched, slots, cell, weights, by_value):
     """Add the gradient of a sample's four channels to the 8 corners of its cell, and mark their blocks."""
     density, red, green, blue = by_value[0], by_value[1], by_value[2], by_value[3]
@@ -166,7 +166,7 @@ def scatter(gradient, touched, slots, cell, weights, by_value):
         touched[block] = 1
 
 
-@kernel(inline=True)
+@kernel()
 def keep(nodes, first, along, weights, passing, row):
     """Fill `row` with colour (3), weight and light behind of a sample; returns the latter.
 
@@ -179,7 +179,7 @@ def keep(nodes, first, along, weights, passing, row):
     return row[4]
 
 
-@kernel(inline=True)
+@kernel()
 def keep_in_box(grid, march, table, sample, kept):
     """Keep what a ray meets in the box: how many samples, and the light that is left.
 
@@ -221,7 +221,7 @@ def keep_in_box(grid, march, table, sample, kept):
     return found, light
 
 
-@kernel(inline=True)
+@kernel()
 def keep_shells(outer_values, march, passed, sample, kept):
     """Keep what a ray meets in the shells of the surroundings, behind what it `passed` in the box, as `keep_in_box`.
 
@@ -255,7 +255,7 @@ def keep_shells(outer_values, march, passed, sample, kept):
     return found, light
 
 
-@kernel(inline=True)
+@kernel()
 def color_error(rows, found, light, background, target, pull):
     """Squared colour error of a ray; fills `pull` (3) with g = dL/dC, and returns T_end b . g besides."""
     error = behind = np.float32(0.0)
@@ -269,7 +269,7 @@ def color_error(rows, found, light, background, target, pull):
     return error, behind
 
 
-@kernel(inline=True)
+@kernel()
 def sample_gradient(row, pull, behind, by_value):
     """Fill colours' part of a sample's gradient (4), and dL/do in place of that of its raw density.
 
@@ -369,7 +369,7 @@ def seen_points_gradient(grid, rays, scales, inner):
                     scatter(gradients[worker], touched[worker], slots, cell, weights, by_value)
 
 
-@kernel(inline=True)
+@kernel()
 def band(enter, leave, distance, reach, step):
     """The first sample of a ray in the band around a point, and the first behind it or the box."""
     most = int((leave - enter) / step)

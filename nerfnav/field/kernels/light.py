@@ -27,7 +27,7 @@ def tabled() -> np.ndarray:
     return float(NEGLIGIBLE_RAW) + np.arange((HIGHEST_RAW - int(NEGLIGIBLE_RAW)) * PER_RAW + 1) / PER_RAW
 
 
-@kernel(inline=True)
+@kernel()
 def entry_at(table, raw):
     """The entry of a table before a raw density, and how far beyond that it is, 0 to 1."""
     place = min((raw - NEGLIGIBLE_RAW) * np.float32(PER_RAW), np.float32(table.shape[0]) - np.float32(1.001))
@@ -35,7 +35,7 @@ def entry_at(table, raw):
     return entry, place - np.float32(entry)
 
 
-@kernel(inline=True)
+@kernel()
 def column_at(table, place, column):
     """A column of a table at a place that `entry_at` has found, linear between entries."""
     entry, beyond = place

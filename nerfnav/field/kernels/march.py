@@ -30,7 +30,7 @@ CHUNK = 64
 """Rays that share one set of scratch arrays."""
 
 
-@kernel(inline=True)
+@kernel()
 def grid_ray(origin, direction, lower, per_meter, shape, start, slope):
     """A ray in grid coordinates, g(t) = start + t slope, and the interval of t inside the grid."""
     enter, leave = np.float32(0.0), np.float32(np.inf)
@@ -41,7 +41,7 @@ def grid_ray(origin, direction, lower, per_meter, shape, start, slope):
     return enter, leave
 
 
-@kernel(inline=True)
+@kernel()
 def next_sample(index, enter, step, start, slope, cell, occupied):
     """`index` itself where its cell lies in an occupied block, else the first sample beyond the empty block."""
     if occupied[cell[0] >> BLOCK_SHIFT, cell[1] >> BLOCK_SHIFT, cell[2] >> BLOCK_SHIFT]:
@@ -53,7 +53,7 @@ def next_sample(index, enter, step, start, slope, cell, occupied):
     return index + max(1, int((leave - distance) / step) + 1)
 
 
-@kernel(inline=True)
+@kernel()
 def locate(index, enter, step, start, slope, shape, cell, fraction):
     """Cell and fraction of sample `index` of a ray; returns its distance from the origin."""
     distance = enter + (np.float32(index) + np.float32(0.5)) * step
@@ -62,13 +62,13 @@ def locate(index, enter, step, start, slope, shape, cell, fraction):
     return distance
 
 
-@kernel(inline=True)
+@kernel()
 def sample_count(enter, leave, step):
     """Number of samples of a ray inside the grid: the middle of the last one is still inside."""
     return max(0, int((leave - enter) / step + LAST_SAMPLE))
 
 
-@kernel(inline=True)
+@kernel()
 def scratch():
     """Arrays that the march of one ray writes to: start, slope, cell, fraction, weights."""
     return (

@@ -55,7 +55,7 @@ def leaps_over(raw, least):
     return distance[1:-1, 1:-1, 1:-1].astype(np.uint8)
 
 
-@kernel(inline=True)
+@kernel()
 def _nearer(distance, i, j, k, way):
     """One more than the least distance of the 13 neighbours that a scan along `way` has passed, where that is less."""
     least = distance[i, j, k]
@@ -72,13 +72,13 @@ _NEVER = np.float32(1e9)
 """In place of infinity, which fast arithmetic may not know."""
 
 
-@kernel(inline=True)
+@kernel()
 def _border(cell, leaps, slope):
     """Coordinate at which a ray leaves, along an axis, the cells that are known to be empty around `cell`."""
     return np.float32(cell + leaps if slope > np.float32(0.0) else cell - leaps + 1)
 
 
-@kernel(inline=True)
+@kernel()
 def leap(index, leaps, cell, ray, at):
     """First sample beyond the cells that are known to be empty around `cell`; `ray` is (start, slope, inverse of this),
     `at` (distance, samples per metre)."""
@@ -89,7 +89,7 @@ def leap(index, leaps, cell, ray, at):
     return index + max(1, int((min(leave_x, leave_y, leave_z) - at[0]) * at[1]) + 1)
 
 
-@kernel(inline=True)
+@kernel()
 def invert(slope, inverse):
     """Fill 1 / slope (3); of a ray along a plane of the grid, what lets it leave that never."""
     for axis in range(3):
@@ -97,13 +97,13 @@ def invert(slope, inverse):
         inverse[axis] = np.float32(1.0) / slope[axis] if abs(slope[axis]) * _NEVER > np.float32(1.0) else tiny
 
 
-@kernel(inline=True)
+@kernel()
 def ray_scratch():
     """Scratch arrays of the march of one ray: start, slope, inverse of this, and sums. Made once for many rays."""
     return np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32), np.empty((4, 7), np.float32)
 
 
-@kernel(inline=True)
+@kernel()
 def see_ray(grid, ray, begin, color, jacobian, scratch):
     """Fill colour (3) and Jacobian (3, 6) of a ray (origin, direction); returns the distance of the first density on
     it, 0 where it meets none (around the box: of the shell before).
@@ -170,7 +170,7 @@ def see_ray(grid, ray, begin, color, jacobian, scratch):
     return first
 
 
-@kernel(inline=True)
+@kernel()
 def _keep(row, seen, slopes, per_meter):
     """Fill a row of sums as `add_sample` has them from slopes [1 / node]."""
     row[0] = seen
@@ -191,14 +191,14 @@ def colors_and_jacobian(grid, origins, directions):
     return colors, jacobians
 
 
-@kernel(inline=True)
+@kernel()
 def probe_scratch():
     """Scratch arrays of `probe_along`. Made once for many rays."""
     shells = np.empty(3, np.int64), np.empty(3, np.float32), np.empty(8, np.float32)
     return ray_scratch(), shells, np.empty(4, np.float32)
 
 
-@kernel(inline=True)
+@kernel()
 def probe_along(grid, ray, color, scratch):
     """Fill the colour (3) of a ray (origin, direction); returns the light that is left, and the sum of the distances
     that it stopped at [m].

@@ -14,13 +14,13 @@ from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW, cell_of, corner_weights, interpolate, softplus
 
 
-@kernel(inline=True)
+@kernel()
 def pair(side, point):
     """Weight of a cell's node (0 or 1) at its point (0 or 1)."""
     return np.float32(0.75) if side == point else np.float32(0.25)
 
 
-@kernel(inline=True)
+@kernel()
 def add_cell(raw, scale, i, j, k, sums):
     """Add what the eight points of one cell give to its eight nodes."""
     for point in range(8):
@@ -55,13 +55,13 @@ def add_moments(raw, scale, sums):
                         add_cell(raw, scale, i, j, k, sums)
 
 
-@kernel(inline=True)
+@kernel()
 def to_old(matrix, shift, x, y, z, axis):
     """One coordinate in the old grid of a point of the new one."""
     return matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z + shift[axis]
 
 
-@kernel(inline=True)
+@kernel()
 def has_density(occupied, shape, x, y, z):
     """Check that the block of grid coordinates has density; those of the border belong to the last cell."""
     i = max(0, min(int(x), shape[0] - 2)) >> BLOCK_SHIFT
@@ -70,14 +70,14 @@ def has_density(occupied, shape, x, y, z):
     return occupied[i, j, k] != 0
 
 
-@kernel(inline=True)
+@kernel()
 def outside(x, y, z, shape):
     """Check that grid coordinates lie outside the grid, by more than rounding."""
     low, nx, ny, nz = -1e-3, shape[0] - 1 + 1e-3, shape[1] - 1 + 1e-3, shape[2] - 1 + 1e-3
     return not (low <= x <= nx and low <= y <= ny and low <= z <= nz)
 
 
-@kernel(inline=True)
+@kernel()
 def raw_at(values, x, y, z):
     """Raw density between the corners of the cell that holds grid coordinates."""
     nx, ny, nz, _ = values.shape
@@ -91,7 +91,7 @@ def raw_at(values, x, y, z):
     return low * (1 - u) + high * u
 
 
-@kernel(inline=True)
+@kernel()
 def add_sample(values, place, factor, corners, total, out):
     """Add density and, weighted by it, colours at grid coordinates `place`, each `factor` times."""
     i, u = cell_of(np.float32(place[0]), values.shape[0])
@@ -129,7 +129,7 @@ def measure_turned(values, occupied, scale, matrix, shift, offsets, weights, out
                         out[i, j, k, channel] = found[channel] / total
 
 
-@kernel(inline=True)
+@kernel()
 def frees(now, i, j, k, at, lattice, limit):
     """Check that lattice point `at` (a, b, c) of a new cell, or one beside it within reach, is free."""
     parts, reach = lattice
@@ -141,7 +141,7 @@ def frees(now, i, j, k, at, lattice, limit):
     return False
 
 
-@kernel(inline=True)
+@kernel()
 def loses(before, occupied, now, matrix, shift, cell, lattice, limits):
     """Check that part of cell (i, j, k) is solid in the old grid and free, there or beside it, in the new one."""
     i, j, k = cell

@@ -31,19 +31,19 @@ def paired_shells(values: np.ndarray) -> Shells:
     return values, light_table(depth, 1.0), 2, faint_raw(depth, 1.0), DIM
 
 
-@kernel(inline=True)
+@kernel()
 def shell_count(nodes):
     """Number of shells in a grid of `nodes` nodes along each edge."""
     return nodes // 2
 
 
-@kernel(inline=True)
+@kernel()
 def middle_of(shell, at_once, shells):
     """Position at which so many shells from one on are sampled together; the last is sampled at its own."""
     return min(np.float32(shell) + np.float32(0.5) * np.float32(at_once - 1), np.float32(shells - 1))
 
 
-@kernel(inline=True)
+@kernel()
 def cross_shell(position, nodes, start, slope, shape, cell, fraction):
     """Fill cell and fraction of the outer grid where a ray leaves shell `position` + 0.5 (fractions are allowed).
 
@@ -74,7 +74,7 @@ def cross_shell(position, nodes, start, slope, shape, cell, fraction):
     return leave
 
 
-@kernel(inline=True)
+@kernel()
 def see_shells(outer, start, slope, shape, light, scratch, seen):
     """Add colour and depth (4) of all shells, seen through `light`, to `seen`; returns the light that is left.
 

@@ -13,13 +13,13 @@ SLAB = 8
 """Layers of nodes along x that one thread fills."""
 
 
-@kernel(inline=True)
+@kernel()
 def dot(ax, ay, az, bx, by, bz):
     """Scalar product of two vectors."""
     return ax * bx + ay * by + az * bz
 
 
-@kernel(inline=True)
+@kernel()
 def squared_distance(px, py, pz, t):
     """Squared distance of a point from a triangle `t` (3, 3), by the region of its plane that is nearest (Ericson,
     "Real-Time Collision Detection", 2005, section 5.1.5)."""
@@ -53,13 +53,13 @@ def squared_distance(px, py, pz, t):
     return x * x + y * y + z * z
 
 
-@kernel(inline=True)
+@kernel()
 def first_node(low, lower, spacing):
     """The first node at or above a coordinate [m]; 0 below the grid."""
     return max(0, math.ceil((low - lower) / spacing))
 
 
-@kernel(inline=True)
+@kernel()
 def last_node(high, lower, spacing, count):
     """The last node at or below a coordinate [m]; count - 1 above the grid."""
     return min(count - 1, math.floor((high - lower) / spacing))
@@ -152,7 +152,7 @@ SEED, GROWN = 1, 2
 """Nodes that were reached before a growth, and in it."""
 
 
-@kernel(inline=True)
+@kernel()
 def spread(reached, distance, crossed, least, i, j, k, found, count):
     """Reach the neighbours of a node that `grow` may; append them to `found` from `count` on, and return their end."""
     for axis in range(3):

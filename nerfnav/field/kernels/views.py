@@ -14,21 +14,21 @@ SIDE = 8
 """Nodes along each edge of a cube."""
 
 
-@kernel(inline=True)
+@kernel()
 def cube_of(index, shape):
     """First nodes (x, y, z) of a cube, counted z fastest."""
     across, deep = (shape[1] + SIDE - 1) // SIDE, (shape[2] + SIDE - 1) // SIDE
     return SIDE * (index // (across * deep)), SIDE * (index // deep % across), SIDE * (index % deep)
 
 
-@kernel(inline=True)
+@kernel()
 def cube_count(shape):
     """Number of cubes in a grid."""
     side = SIDE
     return ((shape[0] + side - 1) // side) * ((shape[1] + side - 1) // side) * ((shape[2] + side - 1) // side)
 
 
-@kernel(inline=True)
+@kernel()
 def in_camera(x, y, z, rotation, position):
     """A world point in the camera's frame: right, down, ahead [m]."""
     x, y, z = x - position[0], y - position[1], z - position[2]
@@ -38,7 +38,7 @@ def in_camera(x, y, z, rotation, position):
     return right, -up, -back
 
 
-@kernel(inline=True)
+@kernel()
 def may_show(right, down, ahead, radius, lens, width, height):
     """Check that any of a ball around a point in the camera's frame may be in the picture; `lens` = fx, fy, cx, cy."""
     if ahead < -radius:
@@ -52,7 +52,7 @@ def may_show(right, down, ahead, radius, lens, width, height):
     return inside and -down <= ahead * north + radius * math.sqrt(one + north * north)
 
 
-@kernel(inline=True)
+@kernel()
 def cube_in_view(cube, lower, spacing, shape, view, width, height):
     """First nodes (x, y, z) of a cube, and whether a `view` (rotation, position, lens) may show any of it."""
     rotation, position, lens = view
@@ -66,20 +66,20 @@ def cube_in_view(cube, lower, spacing, shape, view, width, height):
     return x, y, z, may_show(right, down, ahead, radius, lens, width, height)
 
 
-@kernel(inline=True)
+@kernel()
 def position_of(i, j, k, lower, spacing):
     """Position of a node in the world [m]."""
     x, y = lower[0] + np.float32(i) * spacing[0], lower[1] + np.float32(j) * spacing[1]
     return x, y, lower[2] + np.float32(k) * spacing[2]
 
 
-@kernel(inline=True)
+@kernel()
 def picture_of(right, down, ahead, lens):
     """Project a point in the camera's frame to pixels; the point must be ahead of the camera."""
     return lens[0] * right / ahead + lens[2], lens[1] * down / ahead + lens[3]
 
 
-@kernel(inline=True)
+@kernel()
 def window_of(u, v, reach, sizes, width, height):
     """The smallest window around a place in the picture: index of its size, its first column and row.
 

@@ -246,7 +246,7 @@ def look_through(grid, view, maps, sizes, background, sums):
                         clear[i, j, k] = min(clear[i, j, k] + 1, MOST)
 
 
-@kernel(inline=True)
+@kernel()
 def keep(kept, darkest, brightest):
     """Note a window's colours among the two most contradictory ones."""
     if darkest > kept[0]:

@@ -128,7 +128,7 @@ _BEHIND = np.float32(0.25)
 """Weight of a node behind a surface: it may be in front of another one, which others see."""
 
 
-@kernel(inline=True)
+@kernel()
 def ray_of(column, row, lens, rotation, way):
     """Write the unit direction of a pixel's ray in the world into `way`."""
     x = (np.float32(column) + np.float32(0.5) - lens[2]) / lens[0]
@@ -138,7 +138,7 @@ def ray_of(column, row, lens, rotation, way):
         way[axis] = scale * (rotation[axis, 0] * x + rotation[axis, 1] * y - rotation[axis, 2])
 
 
-@kernel(inline=True)
+@kernel()
 def tangent(points, depth, row, column, down, right, along):
     """Write the difference to the nearer in depth of both neighbours into `along`; whether there is one."""
     height, width = depth.shape

@@ -125,13 +125,13 @@ def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
     return at, False, fresh
 
 
-@kernel(inline=True)
+@kernel()
 def _total(terms, at):
     """J at a step."""
     return terms[at, 0] + terms[at, 1] + terms[at, 2] + terms[at, 3]
 
 
-@kernel(inline=True)
+@kernel()
 def _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
     """One step of BFGS: fill the next row of the trace, update the inverse Hessian; False where J does not fall."""
     free, gradient = trace[0][at], trace[1][at]
@@ -175,7 +175,7 @@ def _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
     return True
 
 
-@kernel(inline=True)
+@kernel()
 def _search_along(trace, at, direction, lengths, parts, rule, room):
     """Backtracking on Armijo's rule; fills the next row of the trace with where it ends, and says whether J fell.
 
@@ -204,7 +204,7 @@ def _search_along(trace, at, direction, lengths, parts, rule, room):
     return False
 
 
-@kernel(inline=True)
+@kernel()
 def _share(gain, slope, length):
     """Find the minimum of the parabola through J, its slope and its gain at a length, as a share of the length; the
     larger the gain, the smaller."""

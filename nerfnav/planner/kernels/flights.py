@@ -16,13 +16,13 @@ ROUNDING = 1e-6
 """Share of a node by which rounding may move a place."""
 
 
-@kernel(inline=True)
+@kernel()
 def _cell(coordinate, count):
     """Cell along an axis that holds a coordinate [nodes], clamped to the grid of `count` nodes."""
     return min(max(math.floor(coordinate), 0), count - 2)
 
 
-@kernel(inline=True)
+@kernel()
 def _has_dense_corner(values, occupied, i, j, k, threshold):
     """1 if raw density is above the threshold at a corner of a cell, so that it may be so inside, else 0."""
     if not occupied[i >> BLOCK_SHIFT, j >> BLOCK_SHIFT, k >> BLOCK_SHIFT]:
@@ -36,7 +36,7 @@ def _has_dense_corner(values, occupied, i, j, k, threshold):
     return 0
 
 
-@kernel(inline=True)
+@kernel()
 def _count_cells(values, occupied, first, last, threshold):
     """Count the cells with a dense corner from `first` up to any index below each (i, j, k): a summed-volume table."""
     shape = (last[0] - first[0] + 2, last[1] - first[1] + 2, last[2] - first[2] + 2)
@@ -51,7 +51,7 @@ def _count_cells(values, occupied, first, last, threshold):
     return sums
 
 
-@kernel(inline=True)
+@kernel()
 def _may_touch(sums, first, counts, centre, half):
     """True if a box, given by its centre and half edges [nodes], meets a cell with a dense corner."""
     i0, i1 = _cell(centre[0] - half[0], counts[0]) - first[0], _cell(centre[0] + half[0], counts[0]) - first[0] + 1
@@ -62,7 +62,7 @@ def _may_touch(sums, first, counts, centre, half):
     return upper > lower
 
 
-@kernel(inline=True)
+@kernel()
 def _is_dense(values, occupied, counts, x, y, z, threshold):
     """True if raw density is above the threshold at a place [nodes]."""
     x, y, z = min(max(x, 0.0), counts[0] - 1.0), min(max(y, 0.0), counts[1] - 1.0), min(max(z, 0.0), counts[2] - 1.0)

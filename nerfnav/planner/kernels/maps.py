@@ -14,7 +14,7 @@ from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_counts, part_of
 
 
-@kernel(inline=True)
+@kernel()
 def _edge(first, second, threshold, reach):
     """Widen `reach`, the dense interval along an axis of a cell, by that of one edge between two nodes."""
     low, high = reach
@@ -26,7 +26,7 @@ def _edge(first, second, threshold, reach):
     return low, high
 
 
-@kernel(inline=True)
+@kernel()
 def _dense_part(part, i, j, k, threshold):
     """The dense intervals of a cell along x, y, z, in cells from its first node; empty ones where nothing is dense."""
     along_x, along_y, along_z = (2.0, -1.0), (2.0, -1.0), (2.0, -1.0)
@@ -46,7 +46,7 @@ def _dense_part(part, i, j, k, threshold):
     return along_x, along_y, along_z
 
 
-@kernel(inline=True)
+@kernel()
 def _range(first, last, ratio, reach, count):
     """Indices of a map's nodes from `reach` before node coordinate `first` of a grid to as much behind `last`."""
     low = math.ceil(first * ratio - reach - 1e-6)
@@ -54,7 +54,7 @@ def _range(first, last, ratio, reach, count):
     return max(low, 0), min(high, count - 1)
 
 
-@kernel(inline=True)
+@kernel()
 def _dense_nodes(part, corner, cells, threshold, dense):
     """Fill `dense` with which nodes of a block are dense, 1 or 0, and return how many are.
 
@@ -70,7 +70,7 @@ def _dense_nodes(part, corner, cells, threshold, dense):
     return count
 
 
-@kernel(inline=True)
+@kernel()
 def _set(columns, ratios, half_height, along_x, along_y, along_z):
     """Set the columns that a dense interval along x, y and z reaches [nodes of the grid]."""
     i0, i1 = _range(along_x[0], along_x[1], ratios[0], 0.5, columns.shape[0])
@@ -169,7 +169,7 @@ def mark_bodies(columns, parts, outlines, spacing, marked):
                             marked[heading, a, b, k] = 1
 
 
-@kernel(inline=True)
+@kernel()
 def _amid(columns, i, j, k):
     """Return True if all 8 neighbours of a column are set too."""
     if i == 0 or j == 0 or i == columns.shape[0] - 1 or j == columns.shape[1] - 1:
@@ -210,7 +210,7 @@ def prices_near(occupied, spacing, clearance, weight):
     return prices
 
 
-@kernel(inline=True)
+@kernel()
 def _has_free_side(occupied, i, j, k):
     nx, ny, nz = occupied.shape
     return (
@@ -259,7 +259,7 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
     return distances
 
 
-@kernel(inline=True)
+@kernel()
 def _blocks(offset, reach, per_meter, count):
     """The blocks along an axis from `reach` [m] before a point to as much behind it: from the first up to the last."""
     side = 1 << BLOCK_SHIFT

@@ -19,7 +19,7 @@ from nerfnav.planner.kernels.terms import STANDSTILL, control, outside, risk
 from nerfnav.robots.kernels.quadrotor import adjoint, limits, motion
 
 
-@kernel(inline=True)
+@kernel()
 def density_between(values, scale, x, y, z):
     """rho [1/m] at a point of the grid, in nodes, and its gradient [1/m per node]; all 0 where it is negligible."""
     nx, ny, nz, _ = values.shape
@@ -43,7 +43,7 @@ def density_between(values, scale, x, y, z):
     return density, slope * (far - near), slope * along_y, slope * along_z
 
 
-@kernel(inline=True)
+@kernel()
 def _place(position, rotation, points, space, nodes):
     """Place body points (3, B) at a position and an attitude, in nodes of the grid (3, B)."""
     lower, per_meter = space[2], space[3]
@@ -55,7 +55,7 @@ def _place(position, rotation, points, space, nodes):
             nodes[axis, b] = at + by_x * points[0, b] + by_y * points[1, b] + by_z * points[2, b]
 
 
-@kernel(inline=True)
+@kernel()
 def _amid_something(leaps, before, moved, fraction, cells, found):
     """Fill `found` (B) with the points that are in cells with something in them at a fraction of their step; returns
     how many there are.
@@ -126,7 +126,7 @@ def collide(position, rotation, body, space, weight, by_position, by_rotation):
     return total
 
 
-@kernel(inline=True)
+@kernel()
 def _add(row, fraction, density, by_x, by_y, by_z):
     """Add a density, its gradient, and this weighted by the fraction of the step."""
     row[0] += density
@@ -134,7 +134,7 @@ def _add(row, fraction, density, by_x, by_y, by_z):
     row[4], row[5], row[6] = row[4] + fraction * by_x, row[5] + fraction * by_y, row[6] + fraction * by_z
 
 
-@kernel(inline=True)
+@kernel()
 def _pull(t, by_point, rotation, point, by_position, by_rotation):
     """Add what a point's derivative means for the position and the attitude at time t."""
     x, y, z = by_point
@@ -149,7 +149,7 @@ def _pull(t, by_point, rotation, point, by_position, by_rotation):
     by_rotation[t, 2] += point[0] * v - point[1] * u
 
 
-@kernel(inline=True)
+@kernel()
 def room_for(count):
     """Memory for evaluations at `count` free numbers: positions, velocities, attitudes, body rates and actions, then
     the derivatives by position, attitude and action."""
@@ -214,7 +214,7 @@ def evaluate_motion(motion, task, body, space, weights):
     return met, effort, over, risked
 
 
-@kernel(inline=True)
+@kernel()
 def _effort(motion, slopes, task, space, weights):
     """Control and penalties of a motion; adds their derivatives by position, attitude and action."""
     position, velocity, rotation, rate, action = motion

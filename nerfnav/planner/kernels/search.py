@@ -15,7 +15,7 @@ import numpy as np
 from nerfnav.core.jit import kernel
 
 
-@kernel(inline=True)
+@kernel()
 def push(heap, size, key, node):
     """Add an entry to a heap that holds `size` and has room for it."""
     keys, nodes = heap
@@ -29,7 +29,7 @@ def push(heap, size, key, node):
     keys[at], nodes[at] = key, node
 
 
-@kernel(inline=True)
+@kernel()
 def pop(heap, size):
     """Take the least entry out of a heap, in which `size` entries are left."""
     keys, nodes = heap
@@ -48,7 +48,7 @@ def pop(heap, size):
     keys[at], nodes[at] = key, node
 
 
-@kernel(inline=True)
+@kernel()
 def grown(heap):
     """The same heap with room for twice as many."""
     keys, nodes = heap
@@ -142,7 +142,7 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     return _trace(moves, (first, last), (nx, ny, nz), around)
 
 
-@kernel(inline=True)
+@kernel()
 def _moves(ny, nz):
     """Return the change of a node's number by each of the 27 moves, and half of their lengths [voxels]."""
     offsets, lengths = np.empty(27, np.int64), np.empty(27)
@@ -152,7 +152,7 @@ def _moves(ny, nz):
     return offsets, lengths
 
 
-@kernel(inline=True)
+@kernel()
 def _ahead(guide, i, j, k, goal):
     """Estimate the cost from a voxel to the goal, without turns."""
     straight = math.sqrt((i - goal[1]) ** 2 + (j - goal[2]) ** 2 + (k - goal[3]) ** 2)
@@ -161,7 +161,7 @@ def _ahead(guide, i, j, k, goal):
     return max(straight, guide[i // CLUSTER, j // CLUSTER, k // CLUSTER] - _SLACK)
 
 
-@kernel(inline=True)
+@kernel()
 def _trace(moves, ends, shape, around):
     """Trace the path between the ends by the moves that led there; empty where the last was never reached."""
     first, last = ends
@@ -181,7 +181,7 @@ def _trace(moves, ends, shape, around):
     return path
 
 
-@kernel(inline=True)
+@kernel()
 def _before(move, node, ny, nz, layer, around):
     """Return the node from which a move led here."""
     if move >= 28:

@@ -117,7 +117,7 @@ def control(action, gamma, by_action):
     return total
 
 
-@kernel(inline=True)
+@kernel()
 def _between(chances, i, j, k, x, y, z):
     """Interpolate the chance in the cell (i, j, k), and its gradient [1 / node]."""
     edge00, slope00 = chances[i, j, k], chances[i, j, k + 1] - chances[i, j, k]
@@ -132,7 +132,7 @@ def _between(chances, i, j, k, x, y, z):
     return near + x * (far - near), far - near, along_y, along_z
 
 
-@kernel(inline=True)
+@kernel()
 def interpolate_chance(grid, step, x, y, z, heading):
     """Interpolate the chance at a point of the world with a heading in a step, its gradient [1/m], and by the
     heading [1/rad]."""
@@ -157,13 +157,13 @@ def interpolate_chance(grid, step, x, y, z, heading):
     return first + rest * (second - first), per_meter[0] * gx, per_meter[1] * gy, per_meter[2] * gz, by_heading
 
 
-@kernel(inline=True)
+@kernel()
 def _heading(rotation):
     """Return the heading of the x axis of R, seen from above [rad]."""
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
-@kernel(inline=True)
+@kernel()
 def _through_heading(rotation, by_heading, by_tangent):
     """Add what a derivative by the heading is in the tangent of R."""
     x, y = rotation[0, 0], rotation[1, 0]

@@ -16,7 +16,7 @@ from nerfnav.core.jit import kernel
 from nerfnav.robots.arcs import ARRIVED, LEAST, MU, ROUNDS, SMALL, TYPICAL_SPEED, TYPICAL_TURN
 
 
-@kernel(inline=True)
+@kernel()
 def chords(turn):
     """S, S' and S''."""
     squared = turn * turn
@@ -31,7 +31,7 @@ def chords(turn):
     return chord, slope, -0.25 * chord - 2.0 * slope / turn
 
 
-@kernel(inline=True)
+@kernel()
 def path(numbers, ends, last, dt, speeds, yaw):
     """Fill speeds and headings (N+1) at all times from the free ones; `ends` as in kernels/diffdrive.py."""
     steps = yaw.shape[0] - 1
@@ -43,7 +43,7 @@ def path(numbers, ends, last, dt, speeds, yaw):
         yaw[t] = numbers[steps - 3 + t]
 
 
-@kernel(inline=True)
+@kernel()
 def pull(speeds, yaw, dt, t, x, y):
     """Derivatives of (x, y) . q by the speed and the two headings of step t."""
     chord, slope, _ = chords(yaw[t + 1] - yaw[t])
@@ -99,13 +99,13 @@ def through_closing(iterates, rounds, ends, last, dt, by):
         _bend(speeds, yaw, dt, s, r, second, by)
 
 
-@kernel(inline=True)
+@kernel()
 def _metric(index, steps):
     """The diagonal of W."""
     return TYPICAL_SPEED**2 if index < steps - 1 else TYPICAL_TURN**2
 
 
-@kernel(inline=True)
+@kernel()
 def _linearise(speeds, yaw, ends, dt, jacobian):
     """Fill J (k, 2); returns r."""
     steps = yaw.shape[0] - 1
@@ -127,7 +127,7 @@ def _linearise(speeds, yaw, ends, dt, jacobian):
     return missed_x, missed_y
 
 
-@kernel(inline=True)
+@kernel()
 def _solve(jacobian, missed_x, missed_y, x, y):
     """(J W J' + mu |r|^2 I)^-1 (x, y)."""
     steps = (jacobian.shape[0] + 3) // 2
@@ -142,7 +142,7 @@ def _solve(jacobian, missed_x, missed_y, x, y):
     return (c * x - b * y) / size, (a * y - b * x) / size
 
 
-@kernel(inline=True)
+@kernel()
 def _bend(speeds, yaw, dt, x, y, change, by):
     """Add to `by` the Hessian of (x, y) . sum q times `change`."""
     steps = yaw.shape[0] - 1

@@ -5,7 +5,7 @@ import math
 from nerfnav.core.jit import kernel
 
 
-@kernel(inline=True)
+@kernel()
 def over(value, bound, weight, by, at):
     """The penalty on |value| > bound; adds its derivative to by[at]."""
     excess = abs(value) / bound - 1.0
@@ -15,7 +15,7 @@ def over(value, bound, weight, by, at):
     return weight * excess * excess
 
 
-@kernel(inline=True)
+@kernel()
 def over_in_plane(x, y, bound, weight, by):
     """The penalty on a vector of the plane that is longer than bound; adds its derivative to by[0] and by[1]."""
     size = math.sqrt(x * x + y * y)

@@ -46,7 +46,7 @@ def limits(velocity, rotation, rate, action, bounds, weight, dt, by_position, by
     return total
 
 
-@kernel(inline=True)
+@kernel()
 def _thrust(rotation, thrust, bounds, weight, by_rotation, by_action):
     """The penalties on too little upward thrust and on too much of it."""
     carried, floor, most = bounds[0], bounds[1], bounds[2]
@@ -67,12 +67,12 @@ def _thrust(rotation, thrust, bounds, weight, by_rotation, by_action):
     return total
 
 
-@kernel(inline=True)
+@kernel()
 def _length(vector):
     return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
 
 
-@kernel(inline=True)
+@kernel()
 def _tilt(rotation, most, weight, by_tangent):
     """The penalty on the angle between the body's z axis n and the vertical, atan2(|n_xy|, n_z)."""
     x, y, z = rotation[0, 2], rotation[1, 2], rotation[2, 2]
@@ -88,7 +88,7 @@ def _tilt(rotation, most, weight, by_tangent):
     return weight * excess * excess
 
 
-@kernel(inline=True)
+@kernel()
 def _through_rate(rate, slope, dt, by_before, by_after):
     """Derivatives by two attitudes of a cost whose derivative by w = Log(R' R+) / dt is slope w."""
     theta, by_rate, forward, backward = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -190,7 +190,7 @@ def adjoint(
     gradient[1] = by_action[1, 0] + push_second * dt * dt / mass
 
 
-@kernel(inline=True)
+@kernel()
 def _positions(free, ends, attitudes, constants, position):
     """p_0 .. p_{N+1}."""
     steps = position.shape[0] - 2
@@ -209,7 +209,7 @@ def _positions(free, ends, attitudes, constants, position):
         position[steps + 1, axis] = ends[3, axis] + ends[4, axis] * dt
 
 
-@kernel(inline=True)
+@kernel()
 def _upright(pull):
     """|a|, with a made a unit vector in place; upright where there is hardly any."""
     size = math.sqrt(pull[0] ** 2 + pull[1] ** 2 + pull[2] ** 2)
@@ -221,7 +221,7 @@ def _upright(pull):
     return size
 
 
-@kernel(inline=True)
+@kernel()
 def _attitude(n, yaw, rotation):
     """R = Tilt(n) Rz(yaw)."""
     x, y, z = n[0], n[1], n[2]
@@ -233,7 +233,7 @@ def _attitude(n, yaw, rotation):
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -cosine * x - sine * y, sine * x - cosine * y, z
 
 
-@kernel(inline=True)
+@kernel()
 def _through_attitude(n, yaw, rotation, by_tangent, by_n):
     """Derivative by n of a cost whose derivative in the body tangent of R = Tilt(n) Rz(yaw) is `by_tangent`."""
     cosine, sine = math.cos(yaw), math.sin(yaw)
@@ -250,7 +250,7 @@ def _through_attitude(n, yaw, rotation, by_tangent, by_n):
     by_n[2] = by_nz - share * share * by_share
 
 
-@kernel(inline=True)
+@kernel()
 def _tilted(rotation, row, by_tangent, cosine, sine):
     """A row of the derivative by Tilt(n)."""
     g0, g1, g2 = 0.5 * by_tangent[0], 0.5 * by_tangent[1], 0.5 * by_tangent[2]
@@ -259,7 +259,7 @@ def _tilted(rotation, row, by_tangent, cosine, sine):
     return left * cosine - middle * sine, left * sine + middle * cosine, a * g1 - b * g0
 
 
-@kernel(inline=True)
+@kernel()
 def _through_rates(constants, rotation, rate, by_action, by_rotation):
     """Add what the torques cost to the derivatives by attitude, through the body rates."""
     steps = by_action.shape[0]

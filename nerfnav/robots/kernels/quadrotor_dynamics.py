@@ -44,7 +44,7 @@ def roll_out(state, actions, constants, positions):
         push(velocity, rotation, rate, actions[t], constants)
 
 
-@kernel(inline=True)
+@kernel()
 def push(velocity, rotation, rate, action, constants):
     """Change velocity, attitude and body rate by one action."""
     mass, gravity, dt = constants[0], constants[4], constants[5]
@@ -86,7 +86,7 @@ def hold_out(start, wanted, constants, holding, rest, states, actions):
     return actions.shape[0]
 
 
-@kernel(inline=True)
+@kernel()
 def _hold(velocity, rotation, rate, constants, holding, action):
     """Fill the action that brakes, levels out and hovers: thrust now, torque for the attitude two steps from now."""
     dt = constants[5]
@@ -113,7 +113,7 @@ def _hold(velocity, rotation, rate, constants, holding, action):
         action[1 + axis] = constants[1 + axis] * faster / dt + gyroscopic[axis]
 
 
-@kernel(inline=True)
+@kernel()
 def _wish(velocity, constants, holding, force):
     """Fill the force [N] that brakes a velocity and carries the weight."""
     size = _length(velocity)
@@ -123,7 +123,7 @@ def _wish(velocity, constants, holding, force):
     force[2] = max(force[2] + constants[0] * constants[4], holding[3])
 
 
-@kernel(inline=True)
+@kernel()
 def _tip(rotation, force, turn):
     """Fill the shortest turn [rad], in the body, of its z axis to where a force points."""
     x = rotation[0, 0] * force[0] + rotation[1, 0] * force[1] + rotation[2, 0] * force[2]
@@ -134,6 +134,6 @@ def _tip(rotation, force, turn):
     turn[0], turn[1], turn[2] = -y * share, x * share, 0.0
 
 
-@kernel(inline=True)
+@kernel()
 def _length(vector):
     return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])

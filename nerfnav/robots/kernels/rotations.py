@@ -7,7 +7,7 @@ import numpy as np
 from nerfnav.core.jit import kernel
 
 
-@kernel(inline=True)
+@kernel()
 def cross(a, b, out):
     """out = a x b."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -15,7 +15,7 @@ def cross(a, b, out):
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@kernel(inline=True)
+@kernel()
 def log_between(first, second, theta):
     """theta = Log(first' second), by the quaternion, well conditioned up to angle pi."""
     trace = _entry(first, second, 0, 0) + _entry(first, second, 1, 1) + _entry(first, second, 2, 2)
@@ -34,13 +34,13 @@ def log_between(first, second, theta):
         theta[axis] *= scale
 
 
-@kernel(inline=True)
+@kernel()
 def _entry(first, second, i, j):
     """An entry of first' second: each where it is needed, for an array would be taken from memory at each call."""
     return first[0, i] * second[0, j] + first[1, i] * second[1, j] + first[2, i] * second[2, j]
 
 
-@kernel(inline=True)
+@kernel()
 def _by_largest(first, second, theta):
     """Turn theta, what first' second has beside its diagonal, into a quaternion's vector; returns its scalar."""
     m = np.empty((3, 3))
@@ -65,7 +65,7 @@ def _by_largest(first, second, theta):
     return w
 
 
-@kernel(inline=True)
+@kernel()
 def inverse_left_jacobian(theta, sign, vector, out):
     """out = Jl(theta)^-1 vector for sign = 1, Jr(theta)^-1 vector for sign = -1 (Sola et al. 2018, Eqs. 144, 146)."""
     squared = theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2
@@ -83,7 +83,7 @@ def inverse_left_jacobian(theta, sign, vector, out):
     out[2] = vector[2] - half * z + second * (theta[0] * y - theta[1] * x)
 
 
-@kernel(inline=True)
+@kernel()
 def product(first, second, out):
     """out = first @ second, of 3 x 3."""
     for i in range(3):
@@ -91,7 +91,7 @@ def product(first, second, out):
             out[i, j] = first[i, 0] * second[0, j] + first[i, 1] * second[1, j] + first[i, 2] * second[2, j]
 
 
-@kernel(inline=True)
+@kernel()
 def turned(rotation, x, y, z, out):
     """out = rotation Exp((x, y, z)) (Rodrigues)."""
     squared = x * x + y * y + z * z

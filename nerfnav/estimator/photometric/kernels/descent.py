@@ -83,7 +83,7 @@ def descend(grid, sight, prior, settings, trace, held, moved):
     return longest
 
 
-@kernel(inline=True)
+@kernel()
 def _settle(trace, place, prior):
     """Take a step too small to look again: what the picture says stays, what the prior says follows."""
     best, stage, n = place
@@ -94,7 +94,7 @@ def _settle(trace, place, prior):
     trace[4][stage, n] = pulled(prior, rotation, position, exposure, change, known, np.zeros(8))
 
 
-@kernel(inline=True)
+@kernel()
 def _evaluate(grid, sight, prior, robust, place, scratch):
     """Fill cost, residual, curvature and slope of a stage from its guess."""
     trace, stage, n = place
@@ -151,7 +151,7 @@ def look(grid, sight, guess, bounds, residuals, scratch):
     return loss * _evened(trust, rows) if slack >= np.float32(0.0) else loss
 
 
-@kernel(inline=True)
+@kernel()
 def _evened(trust, rows):
     """Make the mean of `trust` 1, and rows what they are with that; returns by how much trust grew."""
     total = np.float32(0.0)
@@ -167,7 +167,7 @@ def _evened(trust, rows):
     return growth
 
 
-@kernel(inline=True)
+@kernel()
 def _moved(grid, rotation, position, anchor):
     """Return whether rays must be followed from the camera, whose pose is then kept, and how far that moved, turned."""
     moved, swung = 0.0, 0.0

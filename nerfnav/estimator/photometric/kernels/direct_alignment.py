@@ -49,7 +49,7 @@ def align(scene, prior, settings, state):
     return held
 
 
-@kernel(inline=True)
+@kernel()
 def _evaluate(scene, prior, robust, state, at, rows):
     """Fill cost, residual, curvature and slope of a guess."""
     rotation, position, exposure = state[0][at], state[1][at], state[2][at]
@@ -102,7 +102,7 @@ def _compare(scene, rotation, position, exposure, robust, residuals, rows):
     return loss
 
 
-@kernel(inline=True)
+@kernel()
 def _sample(picture, u, v, seen):
     """Fill value and slopes by u and v (3 channels, 3) between pixels' centres; beyond the edge nothing changes."""
     height, width = picture.shape[0], picture.shape[1]

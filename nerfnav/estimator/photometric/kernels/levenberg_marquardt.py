@@ -10,7 +10,7 @@ LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e7
 SLOWEST = 0.99
 
 
-@kernel(inline=True)
+@kernel()
 def damped_step(seen, known, slope, weight, step):
     """Fill the damped Gauss-Newton step (8); returns whether there is one: where not, it is 0."""
     damped = np.empty((8, 8))
@@ -25,7 +25,7 @@ def damped_step(seen, known, slope, weight, step):
     return found
 
 
-@kernel(inline=True)
+@kernel()
 def stretched(seen, known, before, stretch, step, most):
     """Stretch a step to where its successors would lead, at most by `most`; returns by how much.
 
@@ -45,7 +45,7 @@ def stretched(seen, known, before, stretch, step, most):
     return found
 
 
-@kernel(inline=True)
+@kernel()
 def move(guesses, held, step, trial):
     """The guess to try: that which is held (+) step. `held` and `trial` are places in `guesses`."""
     turned(guesses[0][held], step[3], step[4], step[5], guesses[0][trial])

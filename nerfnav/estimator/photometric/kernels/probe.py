@@ -7,7 +7,7 @@ from nerfnav.field.kernels.pose_descent import probe_along, probe_scratch
 from nerfnav.robots.kernels.rotations import product
 
 
-@kernel(inline=True)
+@kernel()
 def center(rotation, position, mount, origin):
     """Fill where the camera is [m], mounted at `mount` on a body."""
     for axis in range(3):
@@ -15,7 +15,7 @@ def center(rotation, position, mount, origin):
         origin[axis] = position[axis] + arm
 
 
-@kernel(inline=True)
+@kernel()
 def turn(camera, direction, way):
     """Fill a ray's direction in the world."""
     for axis in range(3):

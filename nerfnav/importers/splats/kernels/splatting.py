@@ -52,7 +52,7 @@ def splat(centers, precisions, reaches, amplitudes, colors, density, color):
                         color[i, j, m, 2] += added * blue
 
 
-@kernel(inline=True)
+@kernel()
 def span(center, reach, first, end):
     """The nodes from `first` to before `end` that lie within `reach` of `center`."""
     low = max(np.float32(first), np.float32(math.ceil(center - reach)))
