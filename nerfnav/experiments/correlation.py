@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import scipy
 import torch
-from scipy.stats import rankdata
 
 from nerfnav.core.steps import yield_result
 from nerfnav.experiments.arena import Arena, per_arena
@@ -174,4 +174,4 @@ def _first_free(plan: np.ndarray) -> int:
 
 
 def _spearman(plan: np.ndarray) -> float:
-    return float(np.corrcoef(rankdata(plan[:, 0]), rankdata(plan[:, 1]))[0, 1])
+    return float(np.corrcoef(scipy.stats.rankdata(plan[:, 0]), scipy.stats.rankdata(plan[:, 1]))[0, 1])

@@ -12,10 +12,10 @@ surface; the distance is taken to points on the mesh half a voxel apart. There s
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import torch
 import trimesh
 from jaxtyping import Bool, Float
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
@@ -129,7 +129,7 @@ def draw_free_points(
     on_mesh = min(_MOST_SURFACE, max(1, round(scene.mesh.area / spacing**2)))
     surface = trimesh.sample.sample_surface(scene.mesh, on_mesh, seed=1)[0]
     queries = points.double().numpy()
-    away, _ = KDTree(surface).query(queries, distance_upper_bound=distance)
+    away, _ = scipy.spatial.KDTree(surface).query(queries, distance_upper_bound=distance)
     free = np.isinf(away)
     for mesh in scene.solids:
         free[free] = ~Solid(mesh).contains(queries[free])

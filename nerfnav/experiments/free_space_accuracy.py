@@ -12,10 +12,10 @@ at least three cameras see; with depth maps alone, points on the way to what hel
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import torch
 import trimesh
 from jaxtyping import Bool, Float
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.experiments.field_geometry import draw_free_points, share_of, views
@@ -89,7 +89,7 @@ def measure_free_space_on_depth(
     share = torch.rand(len(distance), generator=_same())
     space = _some(origins + (share * distance)[:, None] * directions, config.free_points)
     space = space[field.box.contains(space)]
-    away, _ = KDTree(_some(ends, _MOST_ENDS).numpy()).query(space.numpy())
+    away, _ = scipy.spatial.KDTree(_some(ends, _MOST_ENDS).numpy()).query(space.numpy())
     space = space[torch.from_numpy(away > _VOXELS * voxel)]
     space = space[_looks_past(others, space) >= _FREE_VIEWS]
     return _accuracy(field, voxel, surface[field.box.contains(surface)], space)

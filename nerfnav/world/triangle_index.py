@@ -8,8 +8,8 @@ edge.
 from collections.abc import Iterator
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.spatial import KDTree
 
 from nerfnav.core.jit import kernel
 
@@ -32,7 +32,7 @@ class TriangleIndex:
         reach = np.linalg.norm(triangles - centers[:, None], axis=-1).max(1)
         size = np.floor(np.log2(np.maximum(reach, 1e-9))).astype(int)
         self._levels = [
-            (members, reach[members].max(), KDTree(centers[members]))
+            (members, reach[members].max(), scipy.spatial.KDTree(centers[members]))
             for members in (np.flatnonzero(size == level) for level in np.unique(size))
         ]
 

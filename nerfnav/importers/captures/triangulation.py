@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy
 import torch
 from jaxtyping import Float, Int
-from scipy.spatial import KDTree
 
 from nerfnav.geometry import PosedImages
 
@@ -129,5 +129,5 @@ def _in_company(points: Float[np.ndarray, "m 3"], config: TriangulationConfig) -
     """Mask of points (m, bool) with enough neighbours, as surfaces have and false matches have not."""
     if len(points) <= config.neighbours:
         return np.zeros(len(points), bool)
-    away = KDTree(points).query(points, config.neighbours + 1)[0][:, -1]
+    away = scipy.spatial.KDTree(points).query(points, config.neighbours + 1)[0][:, -1]
     return away <= config.lonely * np.median(away)

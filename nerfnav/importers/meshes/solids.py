@@ -13,10 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import trimesh
 from jaxtyping import Float, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from nerfnav.importers.meshes.parts import Parts
 from nerfnav.world import Solid, winding_number
@@ -104,8 +103,8 @@ def _connected(corners: Int[np.ndarray, "f 3"], among: Int[np.ndarray, " k"]) ->
     shared_by_two = np.bincount(edge)[edge] == 2
     order = np.argsort(edge, kind="stable")
     pairs = (order[shared_by_two[order]] // 3).reshape(-1, 2)
-    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(among), len(among)))
-    count, label = connected_components(links, directed=False)
+    links = scipy.sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(among), len(among)))
+    count, label = scipy.sparse.csgraph.connected_components(links, directed=False)
     closed = np.ones(count, bool)
     np.logical_and.at(closed, label, shared_by_two.reshape(-1, 3).all(1))
     by_label = np.split(among[np.argsort(label, kind="stable")], np.cumsum(np.bincount(label))[:-1])

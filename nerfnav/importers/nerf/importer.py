@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+import scipy
 import torch
-from scipy import ndimage
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import FieldInfo, NeuralConfig, NeuralField
@@ -34,7 +34,7 @@ def find_solid_box(field: NeuralField, file: Path) -> Box:
     nodes = node_positions(field.box, shape_for(field.box, spacing))
     with torch.no_grad():
         solid = (field.density(nodes) > _SOLID / field.config.unit).numpy()
-    labels, count = cast("tuple[np.ndarray, int]", ndimage.label(solid))
+    labels, count = cast("tuple[np.ndarray, int]", scipy.ndimage.label(solid))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     kept = solid & (sizes[labels] >= _LEAST_PART * solid.sum())
     if not kept.any():

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy import ndimage
 
 from nerfnav.field import Field
 from nerfnav.geometry import node_positions
@@ -132,7 +132,7 @@ class _Levels:
         rows, columns = (
             np.round(np.linspace(0, have - 1, want)).astype(int) for have, want in zip(coarse.shape, shape, strict=True)
         )
-        closed: np.ndarray = np.asarray(ndimage.binary_closing(coarse[np.ix_(rows, columns)], iterations=2))
+        closed: np.ndarray = np.asarray(scipy.ndimage.binary_closing(coarse[np.ix_(rows, columns)], iterations=2))
         return closed.reshape(*closed.shape, 1)
 
 
@@ -140,7 +140,7 @@ def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[
     """Measure the distance of each voxel from space that is not free, the border of the box included [m]."""
     around = tuple((1, 1) if count > 1 else (0, 0) for count in free.shape)
     padded = np.pad(free, around)
-    nearest = ndimage.distance_transform_edt(padded, spacing, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(padded, spacing, return_distances=False, return_indices=True)
     squared = np.zeros(padded.shape)
     # axis by axis: the transform's own distances take three arrays of coordinates, and twice the time
     for index, (found, edge) in enumerate(zip(np.asarray(nearest), spacing, strict=True)):
@@ -154,7 +154,7 @@ def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[
 def _largest(mask: Bool[np.ndarray, "nx ny nz"]) -> Bool[np.ndarray, "nx ny nz"]:
     """Select the largest connected component over faces."""
     labels = np.zeros(mask.shape, np.int32)  # numbers from 1, 0 where there is none
-    if int(ndimage.label(mask, output=labels)) <= 1:  # type: ignore[arg-type]
+    if int(scipy.ndimage.label(mask, output=labels)) <= 1:  # type: ignore[arg-type]
         return mask
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
