@@ -35,6 +35,7 @@ def layers(page: Page) -> tuple[Panel, ...]:
     """Build all layers but the field's surface, which is there before them."""
     server = page.server
     return (
+        AlignmentLayer(server, page.post),  # before the nodes that it hides
         SplatsLayer(server),
         OverlaysLayer(server),
         FieldBackdropLayer(server, page.post),
@@ -46,7 +47,6 @@ def layers(page: Page) -> tuple[Panel, ...]:
         ComparisonLayer(server),
         GlobalLocalizationLayer(server),
         TrackLayer(server),
-        AlignmentLayer(server),
         NoticesLayer(server),
     )
 

@@ -1,6 +1,7 @@
 """Library of places: what visitors have brought, on disk, with the fields that were made of it.
 
-One folder for each, named by a digest of what was brought, so that the same upload finds its field again:
+One folder for each, named by a digest of what was brought, so that the same upload finds its field again; a field that
+was corrected by hand is a place of its own, in a folder with a name by chance:
 
     SHA256 (16 digits)/
         NAME             what was brought, and beside it its field, its ground truth, its splats
@@ -12,6 +13,7 @@ One folder for each, named by a digest of what was brought, so that the same upl
 import json
 import os
 import re
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import suppress
@@ -129,6 +131,10 @@ class PlaceLibrary:
         write_upload(path, content)
         self._brought.append(path.parent)
         return path
+
+    def new_folder(self) -> Path:
+        """Choose a folder for a place that is made of another one; it is listed once it was opened."""
+        return self.folder / secrets.token_hex(8)
 
     def entries(self) -> tuple[KeptPlace, ...]:
         """The places that were opened, by name."""

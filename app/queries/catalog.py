@@ -34,6 +34,7 @@ _KINDS: list[type[Query[Any]]] = [
     click_landing.ClickLandingQuery,
     ground.GroundQuery,  # which moves the ends of plans
     surface_point.SurfacePointQuery,
+    surface_point.FloorQuery,
     following_plan.FollowingPlanQuery,
     end_fit.EndFitQuery,
     more_time.MoreTimeQuery,

@@ -12,6 +12,7 @@ from nerfnav.field import render_image
 from nerfnav.geometry import Camera, Pose
 from nerfnav_app.queries.click_landing import LEAST_OPACITY
 from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.alignment import Correction
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop, Eye
 
@@ -40,6 +41,8 @@ class FieldViewQuery(Query[FieldView]):
     eye: Eye
     width: int
     """Width of the picture [pixels]."""
+    now: Correction
+    """Correction that the place is shown with."""
 
     @property
     def slot(self) -> Hashable:
@@ -53,10 +56,11 @@ class FieldViewQuery(Query[FieldView]):
             return
         for client, eye in session.eyes.items():
             asked = cls.asked_in(session, (cls, client))
-            if asked is None or asked.eye != eye:
-                yield cls(client, eye, WIDTHS[0])
+            now = session.alignment.now
+            if asked is None or (asked.eye, asked.now) != (eye, now):
+                yield cls(client, eye, WIDTHS[0], now)
             elif asked.width < WIDTHS[-1]:
-                yield cls(client, eye, WIDTHS[-1])
+                yield cls(client, eye, WIDTHS[-1], now)
 
     def answer(self, resources: Resources) -> FieldView:
         """Render the field with its depth."""
@@ -65,8 +69,9 @@ class FieldViewQuery(Query[FieldView]):
         across = 2 * math.degrees(math.atan(eye.aspect * math.tan(eye.fov / 2)))
         camera = Camera.from_fov(width, height, across)
         rotation = torch.from_numpy(tf.SO3(np.array(eye.wxyz)).normalize().as_matrix()).float() @ _FROM_CV
-        rendering = render_image(resources.place.field, camera, Pose(rotation, torch.tensor(eye.position)))
-        along = -camera.directions(camera.pixels())[:, 2].reshape(height, width)
+        pose = self.now.pose_before(Pose(rotation, torch.tensor(eye.position)))
+        rendering = render_image(resources.place.field, camera, pose)
+        along = -self.now.similarity.scale * camera.directions(camera.pixels())[:, 2].reshape(height, width)
         depth = torch.where(rendering.opacity > LEAST_OPACITY, rendering.depth * along, _FAR)
         return FieldView(rendering.image.numpy(), depth.numpy())
 

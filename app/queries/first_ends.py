@@ -7,16 +7,19 @@ import numpy as np
 import torch
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav.estimator import decode_views
 from nerfnav.field import UnknownSpace
+from nerfnav.importers import focus_of
 from nerfnav.planner import OccupancyConfig, threshold_of
 from nerfnav.planner.space.occupancy import dense_at
 from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place
-from nerfnav_app.places.vantage import View, view_of_ends
+from nerfnav_app.places.vantage import View, view_of_ends, view_of_subject
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import to_point
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class FirstEndsQuery(Query[FirstEnds]):
         if found is None:
             return FirstEnds(None, _no_room(place))
         ends = Ends(*map(End.of_state, found))
-        return FirstEnds(ends, view=_view(place, ends))
+        return FirstEnds(ends, view=find_view(place, ends))
 
     def apply(self, session: Session, result: FirstEnds) -> Session:
         """Take these ends, and find durations from now on, unless the user has moved an end meanwhile."""
@@ -71,8 +74,8 @@ class FirstEndsQuery(Query[FirstEnds]):
         return replace(session, ends=result.ends, home_ends=result.ends, view=view, problems={}, offers={}, outside={})
 
 
-def _view(place: Place, ends: Ends) -> View:
-    """Find a view in which start and goal are visible."""
+def find_view(place: Place, ends: Ends) -> View:
+    """Find a view in which start and goal are visible: that of the photographs, if they face a subject."""
     box, threshold = place.field.box, threshold_of(place.field)
     lower, upper = box.lower.tolist(), box.upper.tolist()
 
@@ -81,7 +84,19 @@ def _view(place: Place, ends: Ends) -> View:
         dense = dense_at(place.field, torch.from_numpy(points.clip(lower, upper)).float(), threshold)
         return inside & dense.bool().numpy()
 
-    return view_of_ends(ends.start.position, ends.goal.position, (tuple(lower), tuple(upper)), is_dense)
+    photographed = _photographed(place.field.info.views)
+    return view_of_ends(ends.start.position, ends.goal.position, (tuple(lower), tuple(upper)), is_dense, photographed)
+
+
+def _photographed(views: tuple[float, ...]) -> View | None:
+    """Find the view that the photographs with these poses show; None where they face outwards or are unknown."""
+    if not views:
+        return None
+    poses = decode_views(views)
+    matrices = np.tile(np.eye(4), (len(poses.position), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = poses.rotation.numpy(), poses.position.numpy()
+    focus = focus_of(matrices)
+    return view_of_subject(to_point(focus.point), matrices[:, :3, 3]) if focus.inwards else None
 
 
 def _no_room(place: Place) -> str:

@@ -46,7 +46,8 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
             left_s = job.left_s if label == job.label else None
             return replace(session, job=replace(job, label=label, fraction=fraction, left_s=left_s))
         case TrainStep():
-            return replace(session, job=replace(job, left_s=event.seconds_left))
+            learning = replace(job, label="Learning the field", fraction=event.fraction, left_s=event.seconds_left)
+            return replace(session, job=learning)
         case PlanStep() | FilterStep() | NavigationStep():
             return _add_step(session, job, event)
         case RelocaliseStep():
@@ -92,9 +93,10 @@ def _choose_robot(session: Session, place: Place) -> Session:
 
 def _show_field(session: Session) -> Session:
     """Show the field itself, with a notice that the place has no surface."""
+    learned = session.place is not None and session.place.field.info.made_by == "trained"
     seen = replace(session, view_settings=replace(session.view_settings, backdrop=Backdrop.RENDER))
-    remedy = "train it longer or on more pictures; its fog is rendered as it is"
-    return add_notice(seen, "No surface", f"This field has no surface: {remedy}.", bad=True)
+    remedy = " Train it longer or on more pictures." if learned else ""
+    return add_notice(seen, "No surface", f"This field has no surface: its fog is rendered as it is.{remedy}", bad=True)
 
 
 def _warn_size(session: Session, place: Place) -> Session:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.alignment import UNFINISHED
 from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.job import DownloadRequest, Job, JobKind, MapDownload, TrajectoryDownload
 from nerfnav_app.state.plan import (
@@ -87,6 +88,8 @@ def begin_job(
     waits = session.seeking and session.place is not None and session.place.robot.planar
     if waits and kind in _BETWEEN_ENDS:
         return add_notice(session, "Not yet", "Start and goal are still searched: wait a moment.", bad=True)
+    if session.alignment.is_moving and kind in _BETWEEN_ENDS:
+        return add_notice(session, *UNFINISHED, bad=True)
     job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, request=request)
     if kind is JobKind.FLY:
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)

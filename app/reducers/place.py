@@ -1,6 +1,6 @@
 """Reducer of the place: open another, choose robot, task and quality, set ends, align by hand, follow tabs' cameras.
 
-An alignment corrects scale, floor and box; its result is opened as another place, and can be undone.
+An alignment corrects turn, scale and box; its result is opened as another place, and can be undone.
 """
 
 from dataclasses import replace
@@ -11,6 +11,7 @@ from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import title_of
+from nerfnav_app.places.vantage import view_of_whole_box
 from nerfnav_app.reducers.common import add_notice, enter_place, move_end, type_end
 from nerfnav_app.reducers.jobs import begin_job, discard_results
 from nerfnav_app.state import actions as m
@@ -19,7 +20,7 @@ from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.place import Choice, Click
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import CameraMoved, CameraRested, TabAction, TabClosed
+from nerfnav_app.state.view import CameraMoved, CameraRested, TabAction, TabClosed, to_point
 from nerfnav_app.text import sentence
 
 PlaceCommand = (
@@ -53,6 +54,8 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
             return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
             return make_choice(session, place, choice)
+        case m.AimEnd(which) if which is not None and session.alignment.is_moving:
+            return add_notice(session, *p.UNFINISHED, bad=True)
         case m.AimEnd(which):
             return replace(session, aiming=which, alignment=replace(session.alignment, pointing=None))
         case m.ClickScene(ray):
@@ -113,30 +116,59 @@ def _point(session: Session, ray: Ray) -> Session:
     return replace(session, clicked=Click(session.aiming, ray), aiming=None)
 
 
-def command_alignment(session: Session, command: p.AlignmentAction) -> Session:
-    """Reduce a command of the alignment in an open place."""
+def command_alignment(session: Session, place: Place, command: p.AlignmentAction) -> Session:
+    """Reduce a command of the alignment in the open `place`; while it is applied, nothing is changed."""
     placing = session.alignment
+    if session.job is not None and session.job.kind is JobKind.PLACE:
+        return session
     match command:
         case p.PickPoints(pointing):
-            fresh = replace(placing, pointing=pointing, clicked=None)
-            if pointing is p.PickTarget.DISTANCE:
-                fresh = replace(fresh, measured=())
-            elif pointing is p.PickTarget.FLOOR:
-                fresh = replace(fresh, floor=(), above=None, find_floor=False)
+            fresh = replace(placing, pointing=pointing, clicked=None, picked=(), finding=False)
             return replace(session, alignment=fresh, aiming=None)
-        case p.SetDistance(distance):
-            return replace(session, alignment=replace(placing, distance=distance))
-        case p.FindFloor(on):
-            floor = () if on else placing.floor
-            return replace(session, alignment=replace(placing, find_floor=on, floor=floor, above=None))
-        case p.Keep(box):
-            return replace(session, alignment=replace(placing, kept=box))
+        case p.FindFloor():
+            return replace(session, alignment=replace(placing, pointing=None, clicked=None, finding=True))
+        case p.ShowGizmo(on):
+            return replace(session, alignment=replace(placing, by_hand=on))
         case p.DiscardAlignment():
-            return replace(session, alignment=p.AlignmentDraft(undo=placing.undo))
+            return show_all(session, place, p.AlignmentDraft(undo=placing.undo))
         case p.ApplyAlignment():
             return _apply_alignment(session)
         case p.UndoAlignment():
-            return _undo_alignment(session)
+            return _undo_alignment(session, place)
+        case _:
+            return correct_place(session, place, command)
+
+
+def correct_place(session: Session, place: Place, command: p.CorrectionAction) -> Session:
+    """Change the correction of `place`, and look at all of it, unless a hand moves it: that sees where it goes."""
+    placing, box = session.alignment, place.field.box
+    try:
+        match command:
+            case p.PosePlace():
+                moved = placing.now.posed(command.rotation, command.position, box)
+                return replace(session, alignment=placing.corrected(moved, command.held))
+            case p.Crop(crop, held):
+                return replace(session, alignment=placing.cropped(crop, box, held))
+            case p.QuarterTurn(axis):
+                changed = placing.corrected(placing.now.turned(axis, box))
+            case p.SetScale(scale):
+                changed = placing.corrected(placing.now.scaled(scale, box))
+            case p.SetDistance(distance):
+                changed = placing if placing.length is None else placing.measured(distance, box)
+            case p.TakePoint(point):
+                changed = placing.pointed(point, box)
+    except NerfnavError as error:
+        dropped = replace(placing, clicked=None, pointing=None, picked=())
+        return add_notice(replace(session, alignment=dropped), "Not changed", sentence(str(error)), bad=True)
+    changed = replace(changed, clicked=None)
+    return replace(session, alignment=changed) if changed.now == placing.now else show_all(session, place, changed)
+
+
+def show_all(session: Session, place: Place, placing: p.AlignmentDraft) -> Session:
+    """Take a draft, and look at all of the place as it leaves it."""
+    box = placing.now.box(place.field.box)
+    view = view_of_whole_box(to_point(box.lower), to_point(box.upper))
+    return replace(session, alignment=placing, view=view)
 
 
 def open_georeferenced(session: Session, result: JobResult) -> Session:
@@ -149,20 +181,18 @@ def open_georeferenced(session: Session, result: JobResult) -> Session:
 
 def _apply_alignment(session: Session) -> Session:
     placing = session.alignment
-    if len(placing.measured) == 2 and placing.distance is None:
-        return add_notice(session, "Distance missing", "Type the true distance of the two points.", bad=True)
-    try:
-        correction = placing.request()
-    except NerfnavError as error:
-        return add_notice(session, "Not changed", sentence(str(error)), bad=True)
-    if correction.is_empty:
-        text = "First measure a distance, click three points of the floor, or crop the place."
+    if placing.now.request().is_empty:
+        text = "First turn, move or scale the place, click three points of the floor, or crop it."
         return add_notice(session, "Nothing to change", text, bad=True)
-    return begin_job(replace(session, alignment=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
+    rested = replace(placing, pointing=None, clicked=None, picked=(), by_hand=False, finding=False)
+    return begin_job(replace(session, alignment=rested), JobKind.PLACE)
 
 
-def _undo_alignment(session: Session) -> Session:
+def _undo_alignment(session: Session, place: Place) -> Session:
     placing = session.alignment
+    if placing.past:
+        *past, now = placing.past
+        return show_all(session, place, replace(placing, now=now, past=tuple(past), picked=(), pointing=None))
     if not placing.undo:
         return add_notice(session, "Nothing to undo", "No alignment was applied to this place.", bad=True)
     return replace(open_place(session, placing.undo[-1]), alignment=p.AlignmentDraft(undo=placing.undo[:-1]))

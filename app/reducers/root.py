@@ -7,7 +7,7 @@ from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.reducers.job_reports import apply_report
 from nerfnav_app.reducers.settings import adjust_setting, reset_settings
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.alignment import AlignmentAction
+from nerfnav_app.state.alignment import AlignmentAction, UndoAlignment
 from nerfnav_app.state.robot_draft import DiscardEdits, EditRobot
 from nerfnav_app.state.runs import ListExperiments, OpenRun, RunAction, ShowResult
 from nerfnav_app.state.session import Session
@@ -56,7 +56,7 @@ def _command(session: Session, command: m.Command) -> Session:
         elsewhere = runs.find_other_source(session, command.name) if isinstance(command, OpenRun) else None
         return runs.command_runs(session if elsewhere is None else place.open_place(session, elsewhere), command)
     if isinstance(command, AlignmentAction):
-        return place.command_alignment(session, command)
+        return place.command_alignment(session, opened, command)
     if isinstance(command, place.PlaceCommand):
         return place.command_place(session, opened, command)
     if isinstance(command, jobs.Steering) and (session.in_flight or not isinstance(command, m.FindRobot)):
@@ -72,6 +72,8 @@ def _command(session: Session, command: m.Command) -> Session:
             return replace(session, robot_draft=command.of(session.robot_draft))
         case DiscardEdits():
             return replace(session, robot_draft=None)
+        case m.Undo() if session.alignment.past:
+            return place.command_alignment(session, opened, UndoAlignment())
         case m.Undo() | m.Redo():
             return history.travel_history(session, command)
         case ShowResult() | ListExperiments():

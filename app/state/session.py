@@ -274,4 +274,5 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         """Drop what was rendered for a tab that was closed."""
         eyes = {tab: eye for tab, eye in self.eyes.items() if tab != client}
         kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}
-        return replace(self, eyes=eyes, results=kept, held=False)  # its hand may have held an end
+        let_go = replace(self.alignment, held=False)
+        return replace(self, eyes=eyes, results=kept, held=False, alignment=let_go)  # its hand may have held something

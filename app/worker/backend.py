@@ -1,7 +1,7 @@
 """Backend of the worker: begin jobs, answer queries of the page, change stored runs.
 
 Jobs are those of the command line, with the settings of the session. Experiments run in a process of their own; each
-georeferenced field has a folder of its own, until the app ends.
+georeferenced field has a folder of its own.
 """
 
 import tempfile
@@ -27,6 +27,7 @@ from nerfnav_app.jobs.subprocess_job import run_in_subprocess
 from nerfnav_app.jobs.track import localize
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.ground import put_on_ground
+from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import QualityName
 from nerfnav_app.queries.following_plan import plan_request
@@ -74,7 +75,7 @@ class NavigationBackend:
                 self._requests = SessionRequests(replace(job, ends=ends), place)
                 return self._requests.watch(fly.run(self._fly_request(session, job, place, self._requests), place))
             case JobKind.PLACE:
-                return self._georeference(session, job)
+                return self._georeference(session, job, place)
             case JobKind.MAP if isinstance(job.request, MapDownload):
                 return map_job.download(place.field, map_job.MapRequest(Path(f"{place.name}-map{job.request.ending}")))
             case JobKind.EXPORT if isinstance(job.request, TrajectoryDownload):
@@ -135,14 +136,23 @@ class NavigationBackend:
             out=None if self.runs is None else self.runs.new(place.name),
         )
 
-    def _georeference(self, session: Session, job: Job) -> JobEvents:
-        """Georeference the place into a folder of its own, so that all fields before stay available; keep its name."""
+    def _georeference(self, session: Session, job: Job, place: Place) -> JobEvents:
+        """Georeference the place into a folder of its own, so that all fields before stay available; keep its name.
+
+        A place of the library is there again after a restart, any other one lasts until the app ends.
+        """
         from nerfnav_app.jobs.field import georeference  # slow to import, and seldom needed
 
-        if self._georeferenced is None:
-            self._georeferenced = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
-        out = Path(self._georeferenced.name) / str(job.id) / f"{Path(session.what).stem}.npz"
-        return georeference.run(georeference.PlaceRequest(session.what, session.alignment.request(), out))
+        if place.source is None:
+            raise InvalidInputError(f"{place.name} exists in memory only: open it from a file")
+        if (library := PlaceLibrary()).holds(place.source):
+            folder = library.new_folder()
+        else:
+            if self._georeferenced is None:
+                self._georeferenced = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
+            folder = Path(self._georeferenced.name) / str(job.id)
+        out = folder / f"{Path(place.source).stem}.npz"
+        return georeference.run(georeference.PlaceRequest(place.source, session.alignment.now.request(), out))
 
 
 def _begin_experiment(experiment: StartExperiment, runs: RunStore) -> JobEvents:

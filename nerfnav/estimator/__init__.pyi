@@ -31,6 +31,7 @@ from .photometric.pyramid import reduce_camera as reduce_camera
 from .photometric.pyramid import resize_picture as resize_picture
 from .photometric.residuals import ColorNoise as ColorNoise
 from .photometric.residuals import Observation as Observation
+from .relocalize.capture_prior import decode_views as decode_views
 from .relocalize.capture_prior import encode_views as encode_views
 from .relocalize.capture_prior import transform_views as transform_views
 from .relocalize.global_localization import Relocalisation as Relocalisation

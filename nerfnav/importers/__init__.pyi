@@ -4,6 +4,7 @@ from .alignment import compute_alignment as compute_alignment
 from .captures.config import ImportConfig as ImportConfig
 from .captures.config import ImportedCapture as ImportedCapture
 from .captures.importer import import_capture as import_capture
+from .captures.placement import focus_of as focus_of
 from .captures.video import make_capture_of_video as make_capture_of_video
 from .captures.views import CaptureError as CaptureError
 from .core.errors import MeshFileError as MeshFileError

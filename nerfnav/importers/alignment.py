@@ -1,8 +1,8 @@
-"""Alignment: georeference a place by a measured length, a floor, an up direction and a crop box.
+"""Alignment: georeference a place by hand, by a measured length, a floor, an up direction and a crop box.
 
 Notation: p' = s R p + t takes points of the place as it is to where they belong. s is the true distance of two points
 over the one that they have. R turns up to z, by the smallest rotation. With a floor, t_z puts it at z = 0; x and y
-keep their origin.
+keep their origin. A transform that was set by hand comes first: the rest is measured in the place as it leaves it.
 """
 
 import math
@@ -46,8 +46,8 @@ class AlignmentRequest:
     """Up direction; with a floor it only selects the side of that."""
     box: tuple[Vector, Vector] | None = None
     """Lowest and highest corner of what is kept, in the place as it is afterwards [m]."""
-    kept: tuple[Vector, Vector] | None = None
-    """The same in the place as it is: what is kept is the smallest box around that afterwards."""
+    moved: Similarity | None = None
+    """Transform set by hand; all else is in the coordinates after it."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for contradictory or impossible requests."""
@@ -55,19 +55,28 @@ class AlignmentRequest:
             raise InvalidInputError("give either a measured distance or a scale, not both")
         if self.floor is not None and self.find_floor:
             raise InvalidInputError("give three points of the floor or let it be found, not both")
-        if self.box is not None and self.kept is not None:
-            raise InvalidInputError("give one box, as the place is or as it will be, not both")
         require_positive(**{"the scale": self.scale})
         require_direction(self.up)
         if self.floor is not None:
             plane_through(torch.tensor(self.floor))
         require_box(self.box)
-        require_box(self.kept)
 
     @property
     def is_empty(self) -> bool:
         """True where nothing is to be changed."""
         return self == AlignmentRequest()
+
+    @property
+    def answered(self) -> tuple[str, ...]:
+        """Guesses about the place that the request answers: those of its box were in the coordinates of before."""
+        moved = self.moved or Similarity.identity()
+        turned = not torch.equal(moved.rotation, Similarity.identity().rotation)
+        answers = {
+            "box": True,
+            "up": turned or self.up is not None or self.floor is not None or self.find_floor,
+            "scale": moved.scale != 1 or self.factor is not None,
+        }
+        return tuple(guess for guess, answered in answers.items() if answered)
 
     @property
     def factor(self) -> float | None:
@@ -95,10 +104,12 @@ def compute_alignment(
     Raises InvalidInputError where no floor is found.
     """
     changes: list[str] = []
-    factor = request.factor
+    moved, factor = request.moved, request.factor
+    if moved is not None:
+        changes += _describe_move(moved, box)
+        box, surface = moved.box(box), moved(surface)
     if factor is not None:
-        longest = format_length(factor * float(box.size.max()))
-        changes.append(f"a metre of before is {factor:.4g} m now, and the place is {longest} long")
+        changes.append(_scaled(factor, box))
     rotation, height = torch.eye(3, dtype=torch.float64), 0.0
     floor = _floor(request, box, surface, generator)
     if floor is not None:
@@ -110,10 +121,8 @@ def compute_alignment(
         rotation = _turn(torch.tensor(request.up).double())
         changes.append(_tilt(rotation))
     similarity = Similarity(rotation, torch.tensor([0.0, 0.0, -height], dtype=torch.float64), factor or 1.0)
-    kept = None if request.box is None else Box.of(*request.box)
-    if request.kept is not None:
-        kept = similarity.box(Box.of(*request.kept))
-    return Alignment(similarity, kept, tuple(changes))
+    similarity = similarity if moved is None else similarity.after(moved)
+    return Alignment(similarity, None if request.box is None else Box.of(*request.box), tuple(changes))
 
 
 def _floor(
@@ -143,6 +152,20 @@ def _turn(up: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
     rotation = torch.from_numpy(rotation_to_z(up.numpy()))
     whole = rotation.round()
     return whole if (rotation - whole).abs().max() < _LEVEL else rotation
+
+
+def _describe_move(moved: Similarity, box: Box) -> list[str]:
+    """Describe a transform set by hand: scale, turn, and how far the middle of the place moves."""
+    angle = math.degrees(math.acos(max(-1.0, min(1.0, (float(moved.rotation.trace()) - 1) / 2))))
+    apart = float((moved(box.center) - box.center).norm())
+    texts = [_scaled(moved.scale, box)] if moved.scale != 1 else []
+    texts += [f"turned by {angle:.3g} degrees"] if angle > math.degrees(_LEVEL) else []
+    return texts or [f"moved by {format_length(apart)}"]
+
+
+def _scaled(factor: float, box: Box) -> str:
+    longest = format_length(factor * float(box.size.max()))
+    return f"a metre of before is {factor:.4g} m now, and the place is {longest} long"
 
 
 def _tilt(rotation: Float[Tensor, "3 3"]) -> str:

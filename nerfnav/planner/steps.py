@@ -19,8 +19,8 @@ class PlanOutcome(Enum):
     OVER_LIMITS = "the robot cannot do what the plan asks of it: allow more time"
     TOO_RISKY = "the bound on the chance of a collision stays above what was asked for: accept more, or move an end"
     LIKELY_COLLISION = (
-        "the bound on the chance of a collision is near 1: keep the ends away from what is dense or unproven, take a "
-        "smaller robot, or show the place with more photographs"
+        "the bound on the chance of a collision is near 1: keep the ends away from what is dense or unproven, or take "
+        "a smaller robot"
     )
     TOUCHES_MESH = "the robot would touch the true mesh, which the field does not show well enough: train it longer"
     DIVERGED = "the cost became infinite or NaN: lower the learning rate"

@@ -229,8 +229,15 @@ class Tab:
     def drag_along_x(self, which: EndRole, distance: float, gizmo: float) -> None:
         """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""
         grip = self.position(which) + np.array([0.8 * gizmo, 0, 0])
+        self.drag(grip, grip + np.array([distance, 0, 0]))
+        if self.app is not None:
+            self.until_ends_agree()
+            self.until(lambda: not self.app.session.held, "the hand does not let go")
+
+    def drag(self, grip: np.ndarray, to: np.ndarray) -> None:
+        """Drag what is at a world point to another one."""
         x0, y0 = self.on_screen(grip) if self.app is None else self.resting(grip)
-        x1, y1 = self.on_screen(grip + np.array([distance, 0, 0]))
+        x1, y1 = self.on_screen(to)
         mouse = self.page.mouse
         mouse.move(x0, y0)
         self.until_drawn()
@@ -240,9 +247,6 @@ class Tab:
             self.page.wait_for_timeout(30)
         self.page.wait_for_timeout(150)
         mouse.up()
-        if self.app is not None:
-            self.until_ends_agree()
-            self.until(lambda: not self.app.session.held, "the hand does not let go")
 
     def says(self, text: str) -> bool:
         """Whether the page shows a text somewhere."""

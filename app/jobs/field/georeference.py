@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
@@ -96,11 +98,6 @@ def info_of(
     changed: StoredField, before: FieldInfo, correction: AlignmentRequest, similarity: Similarity
 ) -> FieldInfo:
     """Update the info: figures about surfaces hold as upper bounds, those of free space no more."""
-    known = ["box"]  # as what was guessed of it is in the coordinates of before
-    if correction.up is not None or correction.floor is not None or correction.find_floor:
-        known.append("up")
-    if correction.factor is not None:
-        known.append("scale")
     return replace(
         changed.info,
         # the name of a scene would find ground truth that is not there
@@ -110,7 +107,7 @@ def info_of(
         free_taken_for_free=None,
         surface_taken_for_free=before.surface_taken_for_free,
         unproven_share=measure_unproven_share(changed, 0.0).unproven_share,
-        guesses=drop_answered_guesses(before.guesses, known),
+        guesses=drop_answered_guesses(before.guesses, correction.answered),
         placed=similarity.after(Similarity.of_numbers(before.placed)).numbers if before.placed else (),
         views=transform_views(before.views, similarity),
         position_floor_m=None if before.position_floor_m is None else similarity.scale * before.position_floor_m,
@@ -121,6 +118,13 @@ def info_of(
 _ALONG = 160
 """Points along the longest edge at which surfaces are looked for."""
 _UP = (0.0, 0.0, 1.0)
+
+
+def find_surface(field: StoredField, correction: AlignmentRequest) -> Float[Tensor, "n 3"]:
+    """Find points on the surface of a field [m], in its own coordinates, among which a floor may be."""
+    up = torch.tensor(correction.up or _UP, dtype=torch.float64)
+    x, y, z = (up if correction.moved is None else correction.moved.rotation.T @ up).tolist()
+    return surface_points(field, float(field.box.size.max()) / _ALONG, (x, y, z))
 
 
 @dataclass(frozen=True)
@@ -150,7 +154,7 @@ def run(request: PlaceRequest) -> JobEvents:
         raise OutputError(f"{out} is the field itself: choose another file, so that you can go back to this one")
     field = load_field(path)
     yield Progress("looking for surfaces", 0.05)
-    points = surface_points(field, float(field.box.size.max()) / _ALONG, correction.up or _UP)
+    points = find_surface(field, correction)
     change = compute_alignment(correction, field.box, points, torch.Generator().manual_seed(0))
     beside = splats_path(path)
     splats = placed_splats(load_splats(beside), change) if beside.is_file() else None

@@ -18,6 +18,8 @@ class LegendEntry:
     meaning: str
 
 
+ROW = '<span class="nerfnav-row"></span>'
+"""Mark before three buttons that page.css puts into a row."""
 _PADDING = "padding: 0 0.75em 0.5em 0.75em; font-size: 0.8125em; line-height: 1.45; text-wrap: pretty;"
 
 

@@ -38,7 +38,7 @@ class EndsLayer:
 
     def show(self, session: Session) -> None:
         """Move the gizmos to start and goal."""
-        if session.place is None or session.seeking:
+        if session.place is None or session.seeking or session.alignment.is_moving:
             for handle in self._handles.values():
                 handle.hide()
             return

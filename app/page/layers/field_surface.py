@@ -5,14 +5,15 @@ Imports nothing slow: a surface that was kept is shown while all else is being i
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import viser
+import viser.transforms as tf
 
 from nerfnav_app.places.surface_glb import Corner, clip_and_fade, read_box
-from nerfnav_app.places.vantage import View, view_of_box
+from nerfnav_app.places.vantage import FOV, View, view_of_box
 from nerfnav_app.state.view import Backdrop, ViewSettings, to_point
 
 if TYPE_CHECKING:
+    from nerfnav_app.state.alignment import Correction
     from nerfnav_app.state.session import Session
 
 
@@ -44,6 +45,8 @@ class FieldSurfaceLayer:
                 self._viewed = session.view
                 look(self.server, session.view)
         self._draw(session.surface, session.view_settings)
+        if self._node is not None:
+            lay(self._node, session.alignment.now)
 
     def _frame(self, box: tuple[Corner, Corner] | None) -> None:
         """Look at another box."""
@@ -69,6 +72,14 @@ class FieldSurfaceLayer:
             self._node.glb_data = glb
 
 
+def lay(node: viser.GlbHandle | viser.GaussianSplatHandle, now: "Correction") -> None:
+    """Draw the place where its correction by hand leaves it."""
+    similarity = now.similarity
+    node.scale = similarity.scale
+    node.position = to_point(similarity.translation)
+    node.wxyz = tf.SO3.from_matrix(similarity.rotation.numpy()).wxyz
+
+
 def first_view(box: tuple[Corner, Corner]) -> View:
     """Compute the view of all of a box between two corners [m]."""
     return view_of_box(*map(to_point, box))
@@ -78,4 +89,4 @@ def look(server: viser.ViserServer, view: View) -> None:
     """Set the camera of all tabs, and of those that open later."""
     for camera in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
         camera.position, camera.look_at = view
-        camera.fov = float(np.deg2rad(45))
+        camera.fov = FOV

@@ -30,7 +30,8 @@ class OverlaysLayer:
     def show(self, session: Session) -> None:
         """Draw the selected overlays, and hide the others."""
         place, view = session.place, session.view_settings
-        self._truth.show(place.scene if place is not None and view.truth else None)
+        there = place is not None and view.truth and not session.alignment.is_moving
+        self._truth.show(place.scene if place is not None and there else None)
         wanted = {Space.OCCUPIED: view.occupied, Space.UNKNOWN: view.unknown}
         for space, voxels in self._spaces.items():
             voxels.show(SpaceQuery.result_in(session, (SpaceQuery, space)) if wanted[space] else None)
@@ -91,7 +92,7 @@ class _Slice:
         self._shown: np.ndarray | None = None
 
     def show(self, session: Session) -> None:
-        wanted = session.view_settings.slice is not None
+        wanted = session.view_settings.slice is not None and not session.alignment.is_moving
         query, image = DensitySliceQuery.asked_in(session), DensitySliceQuery.result_in(session)
         if wanted and query and image is not None and session.place is not None and image is not self._shown:
             self._shown = image

@@ -5,6 +5,7 @@ import viser
 
 from nerfnav.importers import Splats
 from nerfnav.importers.splats.gaussians import fit_half_precision
+from nerfnav_app.page.layers.field_surface import lay
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop
 
@@ -29,6 +30,7 @@ class SplatsLayer:
             self._node = self._server.scene.add_gaussian_splats("/splats", *arrays(splats))
         if self._node is not None:
             self._node.visible = wanted
+            lay(self._node, session.alignment.now)
 
 
 def arrays(splats: Splats) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

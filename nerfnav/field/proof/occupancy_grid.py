@@ -115,5 +115,7 @@ def describe_unproven(field: Field) -> str:
     sentence = f"{share:.0%} of this place is unproven and counts as solid"
     if field.info.proven_from == "mesh":
         return f"{sentence}: no way from where a camera may stand leads to {where}."
+    if field.info.truth:
+        return f"{sentence}: a field baked from its mesh (nerfnav train --baked) proves more of {where}."
     means = "more photographs" if field.info.proven_from == "depth" else "more photographs, or depth maps,"
     return f"{sentence}: {means} of {where} would help most."

@@ -62,6 +62,8 @@ class Focus:
     """The point nearest to all optical axes (3)."""
     depth: float
     """Median distance along the optical axes; below 0 where the cameras face outwards."""
+    inwards: bool
+    """True where the cameras face it: it lies before them, far enough for their distances from each other."""
 
 
 def estimate_up(poses: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -92,18 +94,19 @@ def focus_of(poses: np.ndarray) -> Focus:
     # a little of every centre keeps parallel axes from leading to infinity
     weighed = across.sum(0) + 1e-3 * len(poses) * np.eye(3)
     point = np.linalg.solve(weighed, (across @ centers[..., None]).sum(0)[:, 0] + 1e-3 * centers.sum(0))
-    return Focus(point, float(np.median(((point - centers) * forward).sum(1))))
+    depth = float(np.median(((point - centers) * forward).sum(1)))
+    extent = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
+    return Focus(point, depth, depth > _INWARDS * extent)
 
 
 def box_of_cameras(poses: np.ndarray) -> Box:
     """Box around cameras with poses (n, 4, 4) in the world and their focus."""
     centers, focus = poses[:, :3, 3], focus_of(poses)
     extent = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
-    inwards = focus.depth > _INWARDS * extent
     # outwards the distance of the walls is unknown: further than the cameras went
-    reach = _SUBJECT * focus.depth if inwards else extent
-    ahead = centers + -poses[:, :3, 2] * (focus.depth if inwards else reach)
-    around = [focus.point - reach, focus.point + reach] if inwards else []
+    reach = _SUBJECT * focus.depth if focus.inwards else extent
+    ahead = centers + -poses[:, :3, 2] * (focus.depth if focus.inwards else reach)
+    around = [focus.point - reach, focus.point + reach] if focus.inwards else []
     points = np.concatenate([centers, ahead, np.reshape(around, (-1, 3))])
     lower, upper = points.min(0), points.max(0)
     margin = np.maximum(0.05 * (upper - lower), 0.02 * (upper - lower).max())

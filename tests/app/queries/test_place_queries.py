@@ -7,20 +7,23 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.estimator.relocalize.capture_prior import encode_views
 from nerfnav.field.core.occupancy import classify_unseen
 from nerfnav.field.models.voxel import VoxelField
+from nerfnav.geometry import look_at
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav_app.places.ends import End, EndRole
+from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.clearance import ClearanceQuery, ShownMotion
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.queries.density_slice import DensitySliceQuery
 from nerfnav_app.queries.end_fit import EndFitQuery
 from nerfnav_app.queries.field_view import FieldViewQuery
+from nerfnav_app.queries.first_ends import find_view
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.space import Space, SpaceQuery
-from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.alignment import Axis, Correction, Ray
 from nerfnav_app.state.place import Click
 from nerfnav_app.state.view import Eye
 from tests.app.doubles import balls_place
@@ -78,10 +81,35 @@ def test_the_field_from_a_tabs_camera_shows_a_ball_in_front_of_it_at_its_distanc
     # x right, y down, z forward: looks along the world's x from beside the first ball
     wxyz = (0.5, -0.5, 0.5, -0.5)
     eye = Eye((-0.9, 0.0, 0.3), wxyz, math.radians(60), 1.5)
-    view = FieldViewQuery(0, eye, 60).answer(Resources(PLACE))
+    view = FieldViewQuery(0, eye, 60, Correction()).answer(Resources(PLACE))
     assert view.image.shape == (40, 60, 3) and view.depth.shape == (40, 60)
     assert view.depth[20, 30] == pytest.approx(0.7, abs=0.06)
     assert view.depth[0, 0] > 100, "there is nothing in the corner"
+
+
+def test_a_field_that_is_turned_and_scaled_is_seen_where_it_is_shown() -> None:
+    now = Correction().turned(Axis.Z, PLACE.field.box).scaled(2.0, PLACE.field.box)
+    wxyz = (0.5**0.5, -(0.5**0.5), 0.0, 0.0)  # along y, to which x has been turned
+    eye = Eye(now.point_after((-0.9, 0.0, 0.3)), wxyz, math.radians(60), 1.5)
+    view = FieldViewQuery(0, eye, 60, now).answer(Resources(PLACE))
+    assert view.depth[20, 30] == pytest.approx(1.4, abs=0.12)
+
+
+def test_the_first_view_of_photographs_is_theirs_from_further_back_until_the_ends_are_not_in_it() -> None:
+    field = PLACE.field
+    assert isinstance(field, VoxelField)
+    eyes = torch.tensor([[-1.0, -0.5, 0.4], [-1.0, 0.0, 0.45], [-1.0, 0.5, 0.4]])
+    poses = look_at(eyes, torch.tensor([0.0, 0.0, 0.4]).expand(3, 3))
+    seen = replace(PLACE, field=replace(field, info=replace(field.info, views=encode_views(poses))))
+    near = Ends(End((-0.2, -0.2, 0.6)), End((-0.2, 0.2, 0.6)))
+    eye, target = find_view(seen, near)
+    np.testing.assert_allclose(target, (0.0, 0.0, 0.4), atol=0.05)
+    np.testing.assert_allclose(eye, (-1.4, 0.0, 0.45), atol=0.1)
+    apart = Ends(End((-0.9, -0.9, 0.7)), End((-0.9, 0.9, 0.7)))
+    assert find_view(seen, apart) == find_view(PLACE, apart) != (eye, target)
+    outwards = replace(poses, rotation=poses.rotation @ torch.diag(torch.tensor([-1.0, 1.0, -1.0])))
+    blind = replace(PLACE, field=replace(field, info=replace(field.info, views=encode_views(outwards))))
+    assert find_view(blind, near) == find_view(PLACE, near)
 
 
 def test_occupied_space_is_shown_by_its_outside() -> None:

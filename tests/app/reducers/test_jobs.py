@@ -1,12 +1,16 @@
 """Jobs that a person begins: a map of the place, whose file is for the tab that asked."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.train.progress import TrainStep
 from nerfnav_app.jobs.events import FileMade, JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.jobs.export.occupancy_map import MapRequest, download
+from nerfnav_app.page.panels.place.place import describe_opening
 from nerfnav_app.page.panels.status.status import describe_activity
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import Download, JobKind, MapDownload
@@ -53,9 +57,22 @@ def test_a_plan_that_is_asked_for_before_the_place_can_be_seen_is_made_then() ->
     assert reports(opening, SurfaceShaped(b"a surface"), JobFinished("open")).job is None
 
 
-def test_a_field_with_nothing_to_be_seen_is_told_so() -> None:
-    told = reports(Session.opening("balls"), PlaceOpened(balls_place()), SurfaceShaped(b""))
-    assert told.surface is None and told.trouble is not None and "has no surface: train it" in told.trouble.body
+def test_learning_says_how_far_it_is_and_no_time_left_of_it_stays_afterwards() -> None:
+    opening = reports(Session.opening("room"), Progress("reading photographs", 0.9))
+    learning = reports(opening, TrainStep(30, 0.25, 20.0, 1e5, 45.0))
+    assert describe_activity(learning) == "Learning the field 25 %" and "45 s left" in describe_opening(learning)
+    judging = reports(learning, Progress("judging", 0.5))
+    assert describe_activity(judging) == "Judging 50 %" and "left" not in describe_opening(judging)
+
+
+@pytest.mark.parametrize("made_by", ["trained", "imported"])
+def test_a_field_with_nothing_to_be_seen_is_told_so_with_a_remedy_that_fits_its_source(made_by: str) -> None:
+    place = balls_place()
+    info = FieldInfo(made_by=made_by)
+    place = replace(place, field=replace(place.field, info=info))  # type: ignore[type-var]
+    told = reports(Session.opening("balls"), PlaceOpened(place), SurfaceShaped(b""))
+    assert told.surface is None and told.trouble is not None and "has no surface" in told.trouble.body
+    assert ("pictures" in told.trouble.body) == (made_by == "trained")
     assert told.view_settings.backdrop is Backdrop.RENDER, "an empty scene"
 
 

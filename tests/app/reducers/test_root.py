@@ -21,6 +21,7 @@ from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.alignment import Correction
 from nerfnav_app.state.flight import LARGEST_GUST
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.place import Choice
@@ -351,7 +352,7 @@ def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened
 
 
 def test_what_was_rendered_for_a_closed_tab_is_forgotten(opened: Session) -> None:
-    here, there = (FieldViewQuery(client, EYE, 240) for client in (1, 2))
+    here, there = (FieldViewQuery(client, EYE, 240, Correction()) for client in (1, 2))
     seen = FieldView(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)))
     both = after(opened, *(CameraMoved(query.client, EYE) for query in (here, there)))
     both = after(both, *(m.QueryAnswered(query, seen) for query in (here, there)))

@@ -51,6 +51,12 @@ def test_a_place_that_depth_has_proven_asks_for_photographs_alone():
     assert "depth maps" not in describe_unproven(replace(field, info=FieldInfo(proven_from="depth")))
 
 
+@pytest.mark.parametrize("info", [FieldInfo(proven_from="mesh"), FieldInfo(proven_from="depth", truth="truth.npz")])
+def test_a_place_that_was_made_of_a_mesh_asks_for_no_photographs(info: FieldInfo):
+    text = describe_unproven(replace(place(Occupancy.UNPROVEN, Occupancy.FREE, Occupancy.FREE), info=info))
+    assert "the floor" in text and "photograph" not in text
+
+
 def test_a_place_that_is_known_says_nothing():
     assert describe_unproven(place(Occupancy.FREE, Occupancy.SOLID, Occupancy.FREE)) == ""
 

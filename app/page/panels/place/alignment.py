@@ -1,27 +1,31 @@
-"""Alignment panel: correct up, scale and box of a place by hand, without training again."""
+"""Alignment panel: turn, scale and crop a place by hand, without training again."""
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import viser
 
-from nerfnav.core.errors import NerfnavError
 from nerfnav.geometry import Box
 from nerfnav.importers import format_length
-from nerfnav_app.page.kit.html import note, warning
+from nerfnav_app.page.kit.html import ROW, note
 from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.places.sources import title_of
 from nerfnav_app.state.actions import Command, Notify
 from nerfnav_app.state.alignment import (
+    AlignmentAction,
     AlignmentDraft,
     ApplyAlignment,
+    Axis,
+    Correction,
+    Crop,
     DiscardAlignment,
     FindFloor,
-    Keep,
     PickPoints,
     PickTarget,
+    QuarterTurn,
     SetDistance,
+    SetScale,
+    ShowGizmo,
     UndoAlignment,
     Vector,
 )
@@ -29,56 +33,61 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.text import sentence
 
 _ICON = viser.Icon
+_LEVELS: dict[str, AlignmentAction] = {"three points": PickPoints(PickTarget.FLOOR), "find it": FindFloor()}
 
 
 class AlignmentPanel:
-    """Panel of the alignment: measurements, a crop box, and buttons to apply and undo them."""
+    """Panel of the alignment: turn, measure, crop, and buttons to apply and undo."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """Add the widgets; `post` takes the commands."""
         self._post = post
         self._session: Session | None = None
-        with server.gui.add_folder("Up, scale, box", expand_by_default=False):
-            self._guessed = server.gui.add_html(note("Opening…"))
-            self._point = server.gui.add_button_group(
-                "Click",
-                tuple(kind.value for kind in PickTarget),
-                hint="Click two points to measure, or three of the floor",
+        gui = server.gui
+        with gui.add_folder("Turn, scale, crop", expand_by_default=False):
+            self._guessed = gui.add_html(note("Opening…"))
+            self._gizmo = gui.add_checkbox("Turn by hand", False, hint="Drag the rings and arrows of the place")
+            axes = tuple(axis.value for axis in Axis)
+            self._quarter = gui.add_button_group("Turn by 90°", axes, hint="About an axis through the middle")
+            self._level = gui.add_button_group(
+                "Level", tuple(_LEVELS), hint="Click three points of the floor, or let the floor be found"
             )
-            self._distance = server.gui.add_number(
-                "Distance [m]", 0.0, min=0.0, step=0.001, hint="True distance of the two points"
+            self._measure = gui.add_button("Click two points", color="gray", icon=_ICON.RULER, hint="To measure")
+            self._distance = gui.add_number(
+                "Distance [m]", 0.0, min=0.0, step=0.001, visible=False, hint="True distance of the two points"
             )
-            self._find = server.gui.add_checkbox(
-                "Find the floor", False, hint="Detect the horizontal plane that holds most of the surface"
-            )
-            self._crop = server.gui.add_checkbox("Crop", False, hint="Keep a box of the place")
-            self._lower = server.gui.add_vector3("Keep from [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
-            self._upper = server.gui.add_vector3("Keep to [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
-            self._status = server.gui.add_html("")
-            button = partial(server.gui.add_button, color="gray")
-            self._apply = button("Apply", icon=_ICON.CHECK, hint="Align the place without training again")
-            self._undo = button("Undo alignment", icon=_ICON.ARROW_BACK_UP, hint="Restore the earlier place")
-            self._discard = button("Discard input", icon=_ICON.ERASER, hint="Discard clicks and numbers")
-            self._save = button("Save the field", icon=_ICON.DOWNLOAD, hint="As .npz")
-        post_on(self._point.on_click, post, lambda: PickPoints(PickTarget(self._point.value)))
+            self._scale = gui.add_number("Scale", 1.0, min=0.0, step=0.0001, hint="New metres in a metre of before")
+            self._crop = gui.add_checkbox("Crop", False, hint="Keep a box of the place: drag its corners")
+            self._lower = gui.add_vector3("Keep from [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
+            self._upper = gui.add_vector3("Keep to [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
+            self._status = gui.add_html("")
+            gui.add_html(ROW)
+            self._apply = gui.add_button("Apply", hint="Correct the place without training again")
+            self._undo = gui.add_button("Back", color="gray", hint="Undo the last step, or what was applied")
+            self._discard = gui.add_button("Cancel", color="gray", hint="Leave the place as it was")
+            self._save = gui.add_button("Save the field", color="gray", icon=_ICON.DOWNLOAD, hint="As .npz")
+        post_on(self._gizmo.on_update, post, lambda: ShowGizmo(self._gizmo.value))
+        post_on(self._quarter.on_click, post, lambda: QuarterTurn(Axis(self._quarter.value)))
+        post_on(self._level.on_click, post, lambda: _LEVELS[self._level.value])
+        post_on(self._measure.on_click, post, lambda: PickPoints(PickTarget.DISTANCE))
         post_on(self._distance.on_update, post, lambda: SetDistance(float(self._distance.value)))
-        post_on(self._find.on_update, post, lambda: FindFloor(self._find.value))
-        for widget in (self._crop, self._lower, self._upper):
-            post_on(widget.on_update, post, self._keep)
+        post_on(self._scale.on_update, post, lambda: SetScale(float(self._scale.value)))
+        post_on(self._crop.on_update, post, self._box)
+        for corner in (self._lower, self._upper):
+            post_on(corner.on_update, post, lambda: Crop((_corner(self._lower.value), _corner(self._upper.value))))
         post_on(self._apply.on_click, post, ApplyAlignment)
         post_on(self._undo.on_click, post, UndoAlignment)
         post_on(self._discard.on_click, post, DiscardAlignment)
         self._save.on_click(self._send)
 
-    def _keep(self) -> Keep | None:
+    def _box(self) -> Crop | None:
+        """Keep all of the place at first: its corners are to be dragged from there."""
         if self._session is None or self._session.place is None:
             return None
         if not self._crop.value:
-            return Keep(None)
-        if self._session.alignment.kept is None:
-            box = self._session.place.field.box
-            return Keep((_corner(box.lower.tolist()), _corner(box.upper.tolist())))
-        return Keep((_corner(self._lower.value), _corner(self._upper.value)))
+            return Crop(None)
+        box = self._session.alignment.now.box(self._session.place.field.box)
+        return Crop((_corner(box.lower.tolist()), _corner(box.upper.tolist())))
 
     def _send(self, event: viser.GuiEvent) -> None:
         """Send the field's file to the tab that requests it; runs on a thread of the server's pool."""
@@ -102,15 +111,19 @@ class AlignmentPanel:
         if place is None:
             self._guessed.content, self._status.content = note("Opening…"), ""
             return
-        self._guessed.content = note(describe_scale(place.field.info.guesses, place.field.box))
+        box, now = draft.now.box(place.field.box), draft.now
+        self._guessed.content = note(describe_scale(place.field.info.guesses, box))
         self._status.content = describe(draft)
-        self._distance.value = draft.distance or 0.0
-        self._find.value = draft.find_floor
-        self._crop.value = draft.kept is not None
-        self._lower.visible = self._upper.visible = draft.kept is not None
-        if draft.kept is not None:
-            self._lower.value, self._upper.value = draft.kept
-        self._apply.disabled, self._undo.disabled = not session.may_begin, not draft.undo
+        self._gizmo.value = draft.by_hand
+        self._distance.visible = draft.length is not None
+        self._distance.value = round(draft.length or 0.0, 4)
+        self._scale.value = now.similarity.scale
+        self._crop.value = now.crop is not None
+        self._lower.visible = self._upper.visible = now.crop is not None
+        if now.crop is not None:
+            self._lower.value, self._upper.value = map(_corner, now.crop)
+        self._apply.disabled = not session.may_begin or now.request().is_empty
+        self._undo.disabled, self._discard.disabled = not (draft.past or draft.undo), not draft.is_shown
 
 
 def describe_scale(guesses: tuple[str, ...], box: Box) -> str:
@@ -122,18 +135,14 @@ def describe_scale(guesses: tuple[str, ...], box: Box) -> str:
 def describe(draft: AlignmentDraft) -> str:
     """Describe the measurements so far and the next action, as HTML."""
     if draft.pointing is not None:
-        points = draft.measured if draft.pointing is PickTarget.DISTANCE else draft.floor
-        return note(f"Click point {len(points) + 1} of {draft.pointing.count} ({draft.pointing.value}).")
-    texts = []
+        return note(f"Click point {len(draft.picked) + 1} of {draft.pointing.count} ({draft.pointing.value}).")
+    if draft.finding:
+        return note("Finding the floor…")
     if draft.length is not None:
-        texts.append(f"The two points are {format_length(draft.length)} apart now: type their true distance.")
-    if len(draft.floor) == 3:
-        texts.append("The floor is set by three points: Apply moves it to z = 0.")
-    try:
-        draft.request()
-    except NerfnavError as error:
-        return warning(sentence(str(error)))
-    return note(" ".join(texts or map(sentence, draft.changes)))
+        return note(f"The two points are {format_length(draft.length)} apart: type their true distance.")
+    if draft.now != Correction():
+        return note("Apply makes the field anew as it is shown; Cancel leaves it as it was.")
+    return note(" ".join(map(sentence, draft.changes)))
 
 
 def _corner(values: tuple[float, ...] | list[float]) -> Vector:

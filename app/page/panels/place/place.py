@@ -6,10 +6,12 @@ import viser
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
+from nerfnav.importers import drop_answered_guesses
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.page.kit.widgets import ChoiceList, post_on
 from nerfnav_app.places.derived import describe_unproven_in
 from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import BUDGETS_S, SUFFIXES, QualityName, title_of
 from nerfnav_app.places.uploads import UploadError
 from nerfnav_app.queries.place_list import PlaceListQuery
@@ -45,7 +47,7 @@ class PlacePanel:
         )
         self._progress = server.gui.add_html("", visible=False)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
-        self._unproven = server.gui.add_html("", visible=False)
+        self._doubts = server.gui.add_html("", visible=False)
         known = (*robots.names(), *map(str, library.robots.files()))
         self._robots = ChoiceList(server, "robot", known, "Body and dynamics", post)
         post_on(self._quality.on_update, post, lambda: ChooseQuality(_QUALITIES[self._quality.value]))
@@ -73,10 +75,10 @@ class PlacePanel:
         self._progress.visible = session.place is None
         self._progress.content = note(describe_opening(session))
         self._stop.visible = session.place is None and session.before is not None
-        unproven = "" if session.place is None else describe_unproven_in(session.place)
-        self._unproven.visible = unproven != ""
-        if unproven:
-            self._unproven.content = note(unproven)
+        doubts = "" if session.place is None else describe_doubts(session.place)
+        self._doubts.visible = doubts != ""
+        if doubts:
+            self._doubts.content = note(doubts)
         self._robots.show(session)
 
     def _list(self, session: Session) -> None:
@@ -92,6 +94,14 @@ class PlacePanel:
         if self._places.options != tuple(self._known):
             self._places.options = tuple(self._known)
         self._places.value = here
+
+
+def describe_doubts(place: Place) -> str:
+    """Describe what is unproven in a place, and a guess of up, which is to be looked at."""
+    guesses = place.field.info.guesses
+    guessed = len(drop_answered_guesses(guesses, ("up",))) < len(guesses)
+    turn = 'Its up is a guess: where it lies wrong, turn it under "Turn, scale, crop".' if guessed else ""
+    return " ".join(text for text in (describe_unproven_in(place), turn) if text)
 
 
 def describe_opening(session: Session) -> str:

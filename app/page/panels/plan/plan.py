@@ -255,7 +255,7 @@ class PlanSettingsWidgets:
             "Accepted risk [%]", 100.0, step=0.1, hint="A plan whose bound of Eq. 1 is larger is refused; 100: none is"
         )
         self._free = gui.add_checkbox(
-            "Unseen space is free", False, hint="Plan through space that no photograph shows; else it counts as solid"
+            "Unseen space is free", False, hint="Plan through space that nothing shows; else it counts as solid"
         )
         bind, weigh = Binder(Settings.PLAN, post), Binder(Settings.WEIGHTS, post)
         bind(self._duration, "duration_s", float)

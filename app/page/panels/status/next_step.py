@@ -64,7 +64,8 @@ class NextButtons:
             button.visible = visible and kind is type(command)
         button = self._buttons[type(command)]
         button.label = label
-        button.disabled = session.place is None or session.seeking
+        waits = session.seeking or (session.alignment.is_moving and not isinstance(command, Cancel))
+        button.disabled = session.place is None or waits
 
 
 def _button(server: viser.ViserServer, kind: type[Command]) -> viser.GuiButtonHandle:

@@ -11,7 +11,7 @@ import viser
 
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
-from nerfnav_app.page.kit.html import LegendEntry, caution, fine, heading, legend, note, warning
+from nerfnav_app.page.kit.html import ROW, LegendEntry, caution, fine, heading, legend, note, warning
 from nerfnav_app.page.kit.risk import look_of_risk
 from nerfnav_app.page.kit.theme import BELIEF, GOAL, GUST, HIT, PLAN, START, TRUTH
 from nerfnav_app.page.kit.widgets import confirm_reset, post_on
@@ -52,6 +52,8 @@ def status(session: Session) -> Status:
         return Status(f"{trouble.title}: {trouble.body}", warning)
     if session.job is not None or session.place is None:
         return Status(describe_activity(session))
+    if session.alignment.is_moving:
+        return Status("Turn the place as it belongs, then apply that. Start, goal and plans are hidden meanwhile.")
     if flight is not None and session.flight_is_shown and flight.outcome is not None:
         landed = describe_landing(flight)
         if session.flight_has_old_settings:
@@ -189,8 +191,6 @@ _MEANINGS = (
     LegendEntry(HIT, "collision"),
     LegendEntry(GUST, "gust"),
 )
-_ROW = '<span class="nerfnav-row"></span>'
-"""Mark before three buttons that page.css puts into a row."""
 
 
 class StatusPanel:
@@ -206,7 +206,7 @@ class StatusPanel:
         self._leave_out = server.gui.add_button("Leave it out", visible=False, hint="Open it without its stray parts")
         self._remedy: Command | None = None
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._row = server.gui.add_html(_ROW)
+        self._row = server.gui.add_html(ROW)
         self._undo, self._redo, self._reset = (
             server.gui.add_button(label, color="gray", hint=hint, disabled=True)
             for label, hint in (
@@ -237,7 +237,8 @@ class StatusPanel:
         self._next.show(session, visible=not needs_confirmation(session))
         for button in (self._row, self._undo, self._redo, self._reset):
             button.visible = session.place is not None
-        self._undo.disabled, self._redo.disabled = not session.history.past, not session.history.future
+        self._undo.disabled = not (session.history.past or session.alignment.past)
+        self._redo.disabled = not session.history.future
         self._reset.disabled = session.place is None
         self._anyway.visible = self._decline.visible = needs_confirmation(session)
         self._remedy = None if session.trouble is None else session.trouble.remedy

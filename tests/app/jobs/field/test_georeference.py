@@ -42,6 +42,39 @@ def test_a_measured_place_is_as_long_as_it_was_measured(tmp_path: Path) -> None:
     assert now.info.position_floor_m == pytest.approx(0.006)
 
 
+def test_a_turn_by_hand_comes_first_and_the_rest_is_measured_after_it(tmp_path: Path) -> None:
+    path, out = stored(room(), tmp_path / "room.npz"), tmp_path / "out.npz"
+    box = load_field(path).box
+    x_up = torch.tensor([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]).double()
+    moved = Similarity(x_up, torch.tensor([0.0, 0.0, 0.5]).double(), 2.0)
+    kept = ((-1.5, -0.5, -0.5), (0.5, 0.5, 1.5))
+    correction = AlignmentRequest(moved=moved, scale=0.5, box=kept)
+    summary = result_of(run(PlaceRequest(str(path), correction, out))).summary
+    assert summary["changed"][:2] == [
+        f"a metre of before is 2 m now, and the place is {2 * float(box.size.max()):.3g} m long",
+        "turned by 90 degrees",
+    ]
+    whole = Similarity(x_up, torch.tensor([0.0, 0.0, 0.25]).double()).box(box)
+    lower, upper = torch.maximum(whole.lower, torch.tensor(kept[0])), torch.minimum(whole.upper, torch.tensor(kept[1]))
+    now = load_field(out).box
+    torch.testing.assert_close(now.lower, lower, atol=0.05, rtol=0)
+    torch.testing.assert_close(now.upper, upper, atol=0.05, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("request_", "answered"),
+    [
+        (AlignmentRequest(), ("box",)),
+        (AlignmentRequest(moved=change(shift=1.0)), ("box",)),
+        (AlignmentRequest(moved=change(scale=2.0)), ("box", "scale")),
+        (AlignmentRequest(moved=change((0.1, 0.0, 0.0))), ("box", "up")),
+        (AlignmentRequest(scale=2.0, find_floor=True), ("box", "up", "scale")),
+    ],
+)
+def test_only_what_was_set_is_no_guess_any_more(request_: AlignmentRequest, answered: tuple[str, ...]) -> None:
+    assert request_.answered == answered
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("find", [False, True])
 def test_a_tilted_place_stands_on_its_floor_and_looks_the_same(find: bool, tmp_path: Path) -> None:
@@ -123,7 +156,7 @@ def test_a_field_is_not_written_over_itself(tmp_path: Path) -> None:
         ({"measured": MeasuredDistance((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0), "scale": 2.0}, "not both"),
         ({"floor": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0))}, "on one line"),
         ({"up": (0.0, 0.0, 0.0)}, "up must be a direction"),
-        ({"kept": ((0.0, 0.0, 0.0), (1.0, 0.0, 1.0))}, "lowest corner"),
+        ({"box": ((0.0, 0.0, 0.0), (1.0, 0.0, 1.0))}, "lowest corner"),
     ],
 )
 def test_wrong_corrections_are_refused(wrong: dict[str, object], said: str) -> None:
