@@ -7,23 +7,35 @@ shows from there (estimator/gauss_newton/expected_information.py), and F the flo
 filter that keeps to its plan has about these covariances; one that holds and looks around has others.
 """
 
-import torch
+import math
+from collections.abc import Sequence
+from functools import lru_cache
 
-from nerfnav.estimator import Belief, ConsiderCovariance
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.estimator import Belief, ConsiderCovariance, FilterConfig
 from nerfnav.estimator.core.belief import POSE, add_information, posterior_covariance
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.expected_information import expected_information
 from nerfnav.estimator.paper.cost import precision
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field, get_ray_grid
+from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import ExpectedSigma
 from nerfnav.navigation.flight import FlightContext, NavigateConfig
-from nerfnav.robots import Motion, Robot
+from nerfnav.robots import POSITION, Motion, RigidState, Robot, StateNoise
 
 WARNED_SHARE = 0.25
 """Share of a plan with too little to see above which users are warned."""
 _PICTURES = 16
 """Pictures that are expected along a plan, at most: between two of them H stays."""
+_HEADINGS = 8
+"""Headings from which pictures are expected at a place: 10 to 20 ms each."""
+_NEARBY = 0.4
+"""Distance from a place within which a picture shows about what one from there does [m]."""
 
 
 def explain_blindness(share: float, most: float | None = None) -> str:
@@ -84,3 +96,42 @@ def expect_beliefs(motion: Motion, robot: Robot, view: View, config: NavigateCon
             belief = Belief(belief.mean, posterior_covariance(hessian, predicted)[0] + floor)
         beliefs.append(belief)
     return beliefs
+
+
+def expect_remainder(
+    place: RigidState, views: Sequence[Belief], flight: FlightContext
+) -> Float[np.ndarray, " h"] | None:
+    """Expect the variance of the position that one picture leaves, by the heading of a level robot at a place.
+
+    The headings are even from 0 to a whole turn; the variance is that of the weakest direction, at most 1, in units of
+    that of a robot that is BLIND, `SupervisorConfig.widest`, which is taken to be the one before. `views` are beliefs
+    after pictures, the oldest first: no heading leaves less than the last picture from nearby did, for what a field
+    promises may be wrong. None where no field predicts quickly what the camera sees.
+    """
+    field, simulator, config = flight.stack.camera_field, flight.simulator, flight.config
+    if field is None or not can_expect(field):
+        return None
+    view, std = View((field,), simulator.robot.camera, simulator.mount), config.recovery.widest
+    left = np.zeros(_HEADINGS)
+    for belief in views:
+        if (belief.mean.position - place.position).norm() < _NEARBY:
+            heading = so3.yaw_of(belief.mean.rotation).item() * _HEADINGS / math.tau
+            left[round(heading) % _HEADINGS] = _share_left(belief.covariance, std)
+    return np.maximum(left, _remainder(view, tuple(place.position.tolist()), config.filter, std))
+
+
+@lru_cache(maxsize=8)
+def _remainder(view: View, place: tuple[float, float, float], config: FilterConfig, std: float) -> np.ndarray:
+    """Expect it from the field alone: a robot holds, and has its goal, at the same place for many time steps."""
+    draws, before = torch.Generator().manual_seed(0), StateNoise.isotropic(std**2).covariance()[POSE][:, POSE]
+    left = []
+    for yaw in torch.arange(_HEADINGS) * (math.tau / _HEADINGS):
+        pose = Pose(so3.from_yaw(yaw), torch.tensor(place))
+        information = expected_information(view, pose, before, config, draws)
+        left.append(_share_left(torch.linalg.inv(precision(before) + information), std))
+    return np.array(left)
+
+
+def _share_left(covariance: Float[Tensor, "n n"], std: float) -> float:
+    """Return the largest variance of the position in any direction, at most 1, in units of `std` squared [m^2]."""
+    return min(1.0, torch.linalg.eigvalsh(covariance[POSITION, POSITION]).max().item() / std**2)

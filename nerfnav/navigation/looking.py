@@ -1,20 +1,23 @@
 """Active looking: choose headings in which the camera sees something, and turn a robot that holds and sees too little.
 
-A robot that holds turns first to the heading in which its field shows something, then all around.
+A robot that holds turns first to the heading in which pictures should tell it most, then all around. What they should
+tell follows from the field (expected_belief.py); where a picture from nearby showed less, that counts.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from nerfnav.estimator import FilterOutcome
+from nerfnav.estimator import Belief, FilterOutcome
 from nerfnav.field import Field
 from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import NavigationStep
+from nerfnav.navigation.expected_belief import expect_remainder
 from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import ActiveGoal, FlightContext
 from nerfnav.navigation.landing import descend
@@ -31,18 +34,26 @@ _ARRIVING = 0.8
 _IN_VAIN_S = 0.5
 """Time beyond that of the turn after which nothing is visible where something should be [s]."""
 _NOTHING = 0.1
-"""Share of the visibility that a camera needs, below which it sees nothing."""
+"""Share of the visibility that a camera needs, below which it sees nothing, and of the variance that a picture removes,
+below which it tells nothing."""
 
 
 def choose_headings(
-    goal: ActiveGoal, here: RigidState, rest: Motion, flight: FlightContext, leads: bool = True
+    goal: ActiveGoal,
+    here: RigidState,
+    rest: Motion,
+    flight: FlightContext,
+    leads: bool = True,
+    views: Sequence[Belief] = (),
 ) -> tuple[ActiveGoal, Motion]:
     """Choose a heading at the goal in which the camera sees something, and headings for the rest of a plan.
 
     `rest` begins at the believed state; it `leads` to the goal, else the path is taken to be straight. Headings stay
-    as they are where visibility does not count.
+    as they are where visibility does not count. Unlike those of the first plan, they count what pictures will tell at
+    the goal, where a robot that is not sure hovers; `views` are beliefs after pictures that it took.
     """
-    return choose_route_headings(goal, here, rest, yaw_objective_of(flight), flight.simulator.robot, leads)
+    objective = _hover_objective(goal.goal, views, flight)
+    return choose_route_headings(goal, here, rest, objective, flight.simulator.robot, leads)
 
 
 def choose_route_headings(
@@ -66,6 +77,26 @@ def predict_visibility(state: RigidState, flight: FlightContext) -> tuple[float,
     if objective is None:
         return 1.0, 0.0
     return find_best_turn(objective.matter, state, objective.enough, objective.mount)
+
+
+def find_turn(state: RigidState, views: Sequence[Belief], flight: FlightContext) -> float:
+    """Find the turn of a hovering robot to the heading in which pictures should tell it most [rad].
+
+    Where they should tell it nothing in any, to the one in which most is visible; 0 where visibility does not count.
+    `views` are beliefs after pictures that it took.
+    """
+    objective = _hover_objective(state, views, flight)
+    if objective is None or objective.remainder is None or objective.remainder.min() > 1 - _NOTHING:
+        return predict_visibility(state, flight)[1]
+    yaw, headings = so3.yaw_of(state.rotation).item(), len(objective.remainder)
+    turns = wrap_yaw(math.tau / headings * np.arange(headings) - yaw)
+    return float(turns[objective.end_cost(yaw + turns, yaw).argmin()])
+
+
+def _hover_objective(place: RigidState, views: Sequence[Belief], flight: FlightContext) -> YawObjective | None:
+    """Return the objective of a flight, with what pictures should tell a robot that hovers at a place."""
+    objective = yaw_objective_of(flight)
+    return None if objective is None else replace(objective, remainder=expect_remainder(place, views, flight))
 
 
 def make_yaw_objective(
@@ -107,21 +138,17 @@ def choose_turn(
 ) -> Callable[[RigidState], float]:
     """Choose the turn of a robot that holds and sees little.
 
-    One that is not lost turns to the heading in which it should see something from where it began to hold; where its
-    picture says something, it keeps to that of its last informative view at first, if the field shows something there.
-    Else it turns toward the middle of the place, where there is more to see than outside.
+    One that is not lost turns to the heading in which pictures should tell it most where it began to hold. Else it
+    turns toward the middle of the place, where there is more to see than outside.
     """
     began, safety_filter, dt = memory.plan.states[0], flight.stack.safety_filter, flight.request.dt
     config = flight.config.recovery
     most = max(config.turn, limit_yaw_rate(flight.simulator.robot, config.glance))
-    turn = 0.0 if lost else predict_visibility(began, flight)[1]
+    turn = 0.0 if lost else find_turn(began, (*memory.views, step.filter_belief), flight)
     side = 1.0 if safety_filter is None else side_of(began, safety_filter.field.box.center)
     around = math.copysign(config.turn, turn if turn else side)
     unseen_s, aim = min(memory.unsure, step.index - memory.seen_at) * dt, None
-    seen = memory.seen if step.filter_outcome is FilterOutcome.WEAK and unseen_s <= _IN_VAIN_S and not lost else None
-    if seen is not None and predict_visibility(seen.mean, flight)[0] > _NOTHING:
-        aim = so3.yaw_of(seen.mean.rotation).item()
-    elif turn != 0 and unseen_s <= 2 * _IN_VAIN_S + abs(turn) / most:
+    if turn != 0 and unseen_s <= 2 * _IN_VAIN_S + abs(turn) / most:
         aim = so3.yaw_of(began.rotation).item() + turn
     return partial(command_yaw_rate, aim=aim, most=most, around=around, dt=dt)
 

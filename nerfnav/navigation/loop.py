@@ -229,7 +229,7 @@ def replan(
     if leads:
         steps = max(memory.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
     if goal.end is None or memory.held or (now.image is not None and sees_little(now.filter_outcome)):
-        goal, rest = choose_headings(goal, here, rest, flight, leads)
+        goal, rest = choose_headings(goal, here, rest, flight, leads, (*memory.views, now.filter_belief))
     headings_ms = 1e3 * (clock() - began)
     planned, ms, goal = yield from _replan(rest, here, goal, steps, flight)
     now = replace(now, plan=planned.motion, restart=planned.restart, replan_ms=headings_ms + ms)

@@ -33,6 +33,8 @@ from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 _EAGER = 4
 """Time steps of a robot that waits for a safe plan in each of which it looks for one."""
+_VIEWS = 100
+"""Pictures whose beliefs are kept."""
 SIGMAS = 3.0
 """Standard deviations of the position that have to fit into the clearance."""
 
@@ -138,6 +140,8 @@ class SupervisorMemory:
     """Belief after the last picture that updated it in more than a few directions; None: there was none yet."""
     seen_at: int = 0
     """Index of the time step of that picture."""
+    views: tuple[Belief, ...] = ()
+    """Beliefs after the last pictures, the oldest first: what views gave, whatever the field promises."""
 
     def after(
         self, index: int, plan: Motion, action: SupervisorAction | None, belief: Belief, informative: bool = True,
@@ -148,10 +152,11 @@ class SupervisorMemory:
         known = replace(
             self, state=state_after(action), unseen=0 if informative else self.unseen + 1,
             seen=belief if updated else self.seen, seen_at=index if updated else self.seen_at,
+            views=self.views if late else (*self.views[-_VIEWS:], belief),
         )  # fmt: skip
         if action is None or not action.holds:
             fresh = SupervisorMemory(plan, index, state=known.state, unseen=known.unseen)
-            return replace(fresh, seen=known.seen, seen_at=known.seen_at)
+            return replace(fresh, seen=known.seen, seen_at=known.seen_at, views=known.views)
         searched = action in (SupervisorAction.SEARCHED, SupervisorAction.ADRIFT)
         return replace(
             known, held=self.held + 1, unsure=self.unsure + action.doubts,

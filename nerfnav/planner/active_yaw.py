@@ -51,11 +51,23 @@ class YawObjective:
     """T_body_camera."""
     may_be: Callable[[RigidState], bool] | None = None
     """Predicate of the states in which the robot fits; None: it fits anywhere."""
+    remainder: Float[np.ndarray, " h"] | None = None
+    """Share of the variance that a picture from the goal leaves, at headings even from 0 to a whole turn; None: what a
+    robot sees while it hovers there does not count."""
 
     def profile_along(self, path: RigidState) -> VisibilityProfile:
         """Measure visibility along a path, even in time, batch shape (n,), with the robot's tilt there."""
         position, up = (_evenly(part, _PLACES) for part in (path.position, path.rotation[..., 2]))
         return VisibilityProfile.along(self.matter, position, up, self.enough, self.mount)
+
+    def end_cost(self, yaws: Float[np.ndarray, " n"], given: float) -> Float[np.ndarray, " n"]:
+        """Return the cost of headings at the goal [rad] [variance that a picture's time adds]: the turn from the
+        `given` heading, and the variance that pictures leave there."""
+        turn = _TURN_COST * np.abs(wrap_yaw(yaws - given)) / math.pi
+        if self.remainder is None:
+            return turn
+        count = len(self.remainder)
+        return turn + np.interp(yaws, math.tau / count * np.arange(count), self.remainder, period=math.tau)
 
     def fits(self, end: RigidState) -> bool:
         """Return True if the robot may be there."""
@@ -69,7 +81,8 @@ def choose_goal_heading(
 
     `ends` are start and goal. Between pictures the variance grows by 1, and a picture of which a share shows something
     removes that share of it, all if it is enough: to see nothing for long is worse than to see nothing now and then.
-    Half a turn from the given heading is made where the mean falls by 0.1. Only headings at which the robot fits count:
+    Half a turn from the given heading is made where the mean, with the variance that is left at the goal, falls by 0.1.
+    Only headings at which the robot fits count:
     a corner needs more room than a side. Where none does, the goal stays as it is.
     """
     start, goal = (so3.yaw_of(end.rotation).item() for end in ends)
@@ -78,8 +91,8 @@ def choose_goal_heading(
     turns = turns[np.abs(turns) <= math.pi + 1e-6]
     at = start + share * turns
     shown = profile.at(np.broadcast_to(share, at.shape), at)
-    off = np.abs(wrap_yaw(start + turns - goal))
-    best_first = np.argsort((_mean_variance(shown) + _TURN_COST * off / math.pi).round(6), kind="stable")
+    cost = _mean_variance(shown) + objective.end_cost(start + turns, goal)
+    best_first = np.argsort(cost.round(6), kind="stable")
     for turn in turns[best_first].tolist():
         end = with_heading(ends[1], start + turn)
         if objective.fits(end):
@@ -109,11 +122,10 @@ def choose_headings(
     first, goal, evenly = (so3.yaw_of(end.rotation).item() for end in (soon, *ends[1:]))
     share, grid = np.linspace(0, 1, count)[1:], first + math.tau / fine * np.arange(fine)
     blind = 1 - profile.at(np.repeat(share[:, None], fine, 1), np.repeat(grid[None], count - 1, 0))
-    turn_cost = _TURN_COST * count / math.pi
     planned = np.unwrap(so3.yaw_of(plan.states.rotation).double().numpy())[1:]
     usual = planned + share * wrap_yaw(evenly - planned[-1])
-    least = (1 - profile.at(share, usual)).sum() + turn_cost * abs(wrap_yaw(evenly - goal))
-    last = turn_cost * np.abs(wrap_yaw(grid - goal))
+    at_end = count * objective.end_cost(np.append(grid, evenly), goal)
+    least, last = (1 - profile.at(share, usual)).sum() + at_end[-1], at_end[:-1]
     while True:
         moves, cost = _cheapest(blind, last)
         if not least - cost >= _WORTH:

@@ -8,14 +8,14 @@ import pytest
 import torch
 
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator import ColorNoise, ConsiderCovariance, FastFilter, FilterConfig
+from nerfnav.estimator import Belief, ColorNoise, ConsiderCovariance, FastFilter, FilterConfig
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import VoxelField, render_image
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 from nerfnav.navigation.episode import Episode, EpisodeOutcome, NavigationStep
-from nerfnav.navigation.expected_belief import expect_beliefs, expect_sigma, explain_blindness
-from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
+from nerfnav.navigation.expected_belief import expect_beliefs, expect_remainder, expect_sigma, explain_blindness
+from nerfnav.navigation.flight import FlightContext, FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.planner import Route
@@ -37,12 +37,17 @@ def plan() -> Motion:
     return run_steps(StraightPlanner().plan(Route(START, GOAL, 20, 0.1))).motion
 
 
-def fly(config: NavigateConfig, mount: Pose = FORWARD_MOUNT) -> list[NavigationStep]:
+def flight(config: NavigateConfig = CONFIG, mount: Pose = FORWARD_MOUNT) -> FlightContext:
     field, robot = voxel_balls(), ROBOT.with_camera(CAMERA, mount)
     world = Simulator(robot, START, lambda pose: look(field, pose), draws(0), mount, noise=NOISE)
     estimator = FastFilter(field, robot, CAMERA, mount, FILTER)
     stack = NavigationStack(StraightPlanner(), estimator, camera_field=field)
-    events = navigate(FlightRequest(GOAL, 20, plan=plan()), world, stack, config, draws(1))
+    return FlightContext(FlightRequest(GOAL, 20, plan=plan()), world, stack, config, draws(1))
+
+
+def fly(config: NavigateConfig, mount: Pose = FORWARD_MOUNT) -> list[NavigationStep]:
+    context = flight(config, mount)
+    events = navigate(context.request, context.simulator, context.stack, config, context.generator)
     return [event for event in events if isinstance(event, NavigationStep)]
 
 
@@ -100,3 +105,24 @@ def test_nothing_is_expected_blindly_of_a_broken_plan_or_of_a_field_that_only_th
 def test_the_sentence_has_the_share_and_the_remedy() -> None:
     assert explain_blindness(0.62).startswith("too little to see on 62 % of the way: add texture")
     assert "more than the 10 % that are accepted" in explain_blindness(0.62, 0.1)
+
+
+def test_pictures_leave_little_variance_where_something_shows_and_all_of_it_elsewhere() -> None:
+    left = expect_remainder(START, (), flight())
+    assert left is not None and left[0] < 0.2 and left[len(left) // 2] == pytest.approx(1.0)
+
+
+def test_a_heading_leaves_no_less_than_the_last_picture_from_nearby_did() -> None:
+    widest = CONFIG.recovery.widest
+    far = RigidState.at_rest((0.5, 0.0, 0.3))
+    sure, wide = (StateNoise.isotropic((share * widest) ** 2).covariance() for share in (0.5, 2.0))
+
+    def ahead(*views: Belief) -> float:
+        left = expect_remainder(START, views, flight())
+        assert left is not None
+        return left[0]
+
+    assert ahead() == ahead(Belief(far, wide)) < 0.2
+    assert ahead(Belief(START, wide)) == 1
+    assert ahead(Belief(START, wide), Belief(START, sure)) == pytest.approx(0.25), "the last one counts"
+    assert ahead(Belief(START, 0.01 * sure)) == ahead()

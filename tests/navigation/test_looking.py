@@ -7,17 +7,20 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import Belief
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.fallback import come_to_rest
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
-from nerfnav.navigation.looking import command_yaw_rate, side_of
+from nerfnav.navigation.looking import command_yaw_rate, find_turn, side_of
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.supervisor import SupervisorAction, SupervisorConfig
+from nerfnav.planner.active_yaw import wrap_yaw
 from nerfnav.planner.visibility import find_best_turn
-from nerfnav.robots import RigidState
+from nerfnav.robots import RigidState, StateNoise
 from tests.navigation.doubles import CALM, REQUEST, ROBOT, Oracle, StraightPlanner, draws, simulator
+from tests.navigation.test_expected_belief import flight
 from tests.planner.objective.test_default_ends import field_of
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
@@ -67,6 +70,15 @@ def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_whose_
     before, behind = ((0.8, -1.0, -1.0), (1.0, 1.0, 1.0)), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
     for steps in (flown(field_of(_PLACE, before, spacing=0.05)), flown(field_of(_PLACE, behind, spacing=0.05), 0.0)):
         assert all(step.recovery is None for step in steps) and steps[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_a_robot_that_holds_turns_to_where_pictures_should_tell_it_most_and_not_to_where_they_did_not() -> None:
+    away = RigidState.at_rest((-0.6, 0.0, 0.3), math.pi)
+    turn = find_turn(away, (), flight())
+    heading = wrap_yaw(math.pi + turn)
+    assert abs(heading) < 1.0
+    blind = Belief(RigidState.at_rest((-0.6, 0.0, 0.3), heading), StateNoise.isotropic(0.1**2).covariance())
+    assert abs(find_turn(away, (blind,), flight()) - turn) > 0.1
 
 
 @pytest.mark.parametrize(("name", "rate"), [

@@ -27,6 +27,7 @@ from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.solvers.fast import FastPlanConfig, replan_fast
 from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.trajectory import Trajectory
+from nerfnav.planner.visibility import VIEW_HEADINGS, VisibilityProfile
 from nerfnav.robots import Couch, Motion, Quadrotor, RigidState
 from tests.planner.objective.test_default_ends import field_of
 
@@ -138,6 +139,19 @@ def test_a_robot_that_would_see_nothing_for_long_turns_at_once_and_one_that_sees
     looking, (start, goal) = planned(math.pi)
     profile = objective.profile_along(looking.states)
     assert choose_headings(objective, profile, looking, (start, goal, goal), _ROBOT) is None
+
+
+def test_a_goal_has_the_heading_whose_pictures_leave_the_least_variance_where_a_path_shows_enough_at_any() -> None:
+    motion, (start, goal) = planned(math.pi)
+    left = np.ones(8)
+    left[3] = 0.1
+    objective = YawObjective(_BEHIND, 0.4, remainder=left)
+    profile = VisibilityProfile(np.ones((2, VIEW_HEADINGS)))
+    end = choose_goal_heading(objective, profile, (start, goal))
+    assert so3.yaw_of(end.rotation).item() == pytest.approx(3 * math.tau / 8, abs=0.01)
+    turned = choose_headings(objective, profile, motion, (start, goal, goal), _ROBOT)
+    assert turned is not None
+    assert so3.yaw_of(turned.states.rotation[-1]).item() == pytest.approx(3 * math.tau / 8, abs=0.2)
 
 
 def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
