@@ -1,6 +1,7 @@
 """Optional dependencies: import where it is used what only some users need, and name the extra that installs it."""
 
 import importlib
+import importlib.util
 from typing import Any
 
 from nerfnav.core.errors import MissingExtraError
@@ -15,3 +16,9 @@ def import_extra(module: str, extra: str, user: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingExtraError(user, module.partition(".")[0], extra) from error
+
+
+def require_extra(module: str, extra: str, user: str) -> None:
+    """Raise MissingExtraError, as `import_extra` does, where a module is not installed; it is not imported."""
+    if importlib.util.find_spec(module) is None:
+        raise MissingExtraError(user, module.partition(".")[0], extra)

@@ -5,6 +5,7 @@ Each kind of source is a file with `gather(request)`, imported only when it is n
 
 import importlib
 from collections.abc import Generator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -17,9 +18,10 @@ from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.formats import KeyReport
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
+from nerfnav.importers.captures.posing import PosingStep
 from nerfnav.importers.core.progress import ImportStep
 from nerfnav.world import Scene
-from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.events import JobEvent, Progress, SurfaceShaped
 from nerfnav_app.jobs.field.request import TrainRequest
 
 Imported = TypeVar("Imported")
@@ -69,14 +71,23 @@ class TrainingData:
 def relay_import(
     steps: Generator[ImportStep, None, Imported], doing: str
 ) -> Generator[JobEvent, bool | None, Imported]:
-    """Yield the steps of an import as progress, and return its result. Raises StoppedError where it is stopped."""
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as end:
-            return end.value
-        if (yield Progress(step.doing, step.fraction)):
-            raise StoppedError(f"stopped while {doing}: nothing was learned yet, so nothing is saved")
+    """Yield the steps of an import as progress, and cameras and points as soon as they are posed; return its result.
+
+    Raises StoppedError where it is stopped.
+    """
+    with closing(steps):  # a process of theirs ends with them
+        while True:
+            try:
+                step = next(steps)
+            except StopIteration as end:
+                return end.value
+            stop = None
+            if isinstance(step, PosingStep) and step.model is not None:
+                from nerfnav_app.places.sparse_model import encode_sparse_model  # slow to import
+
+                stop = yield SurfaceShaped(encode_sparse_model(step.model), rough=True)
+            if (yield Progress(step.doing, step.fraction)) or stop:
+                raise StoppedError(f"stopped while {doing}: nothing was learned yet, so nothing is saved")
 
 
 Gathering = Generator[JobEvent, bool | None, TrainingData]

@@ -44,6 +44,8 @@ class FieldSurfaceLayer:
             if session.view is not None and session.view != self._viewed:
                 self._viewed = session.view
                 look(self.server, session.view)
+        elif session.surface is not None and session.surface is not self.surface:  # before there is a field
+            self._frame(read_box(session.surface))
         self._draw(session.surface, session.view_settings)
         if self._node is not None:
             lay(self._node, session.alignment.now)

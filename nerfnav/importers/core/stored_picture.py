@@ -1,4 +1,4 @@
-"""Picture files (JPEG, PNG, ...) and videos: one reader for training, localization, tracking and live use.
+"""Picture files (JPEG, PNG, ...): one reader for training, localization, tracking and live use.
 
 A camera is a sensor: calibrations, and the poses that COLMAP and nerfstudio find, belong to the pixels as they are
 stored, whatever the EXIF orientation. So where a camera's size is known and the stored pixels have its
@@ -8,9 +8,7 @@ viewers show it: where no camera is known, and where only the turned picture has
 
 import io
 import math
-import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +17,6 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import LFS_POINTER, NOT_FETCHED
 
 if TYPE_CHECKING:  # slow to import, and most starts read no picture
-    import cv2
     from PIL import Image
 
 _TURNS = {2: (0, True), 3: (2, False), 4: (2, True), 5: (1, True), 6: (3, False), 7: (3, True), 8: (1, False)}
@@ -87,19 +84,3 @@ def _pixels(image: "Image.Image") -> tuple[np.ndarray, bool]:
         return np.repeat(gray[..., None], 3, axis=2), False
     colored = image.mode in ("RGB", "RGBA", "P", "PA", "CMYK", "YCbCr", "LAB", "HSV", "RGBX", "RGBa")
     return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB")), colored
-
-
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-# read once, before the first video: else the decoder writes complaints of its own beside the one sentence of a reader
-
-
-def open_video(path: Path) -> "cv2.VideoCapture":
-    """Open a video for reading; `isOpened` of the result is False where it is none."""
-    import cv2
-
-    log = cv2.utils.logging
-    before = log.setLogLevel(log.LOG_LEVEL_SILENT)
-    try:
-        return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)  # other readers take it for a series of pictures
-    finally:
-        log.setLogLevel(before)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -10,18 +11,23 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.config import TrainConfig
+from nerfnav.importers.captures import posing
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions
-from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.field.captures import NODES, gather
+from nerfnav_app.cli.main import BAD_INPUT, main
+from nerfnav_app.jobs.events import Progress, SurfaceShaped
+from nerfnav_app.jobs.field.captures import NODES, frames_in, gather
 from nerfnav_app.jobs.field.request import Photographs, TrainRequest
 from nerfnav_app.jobs.field.train import run
 from nerfnav_app.jobs.field.training_data import StoppedError
 from nerfnav_app.jobs.open import make_field as adopt
 from nerfnav_app.places.sources import BUDGETS_S, USUAL
+from nerfnav_app.places.surface_glb import read_box
 from tests.app.following import followed, result_of
+from tests.importers.captures import fake_posing
 from tests.importers.captures.synthetic import changed, write_transforms
+from tests.importers.captures.test_video import shaky, write_video
 
 
 def zipped(folder: Path) -> Path:
@@ -93,6 +99,60 @@ def test_what_is_unpacked_is_gone_afterwards_even_when_cancelled(
     assert list((tmp_path / "temporary").iterdir())
     gathering.close()
     assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_a_video_is_posed_in_view_and_its_frames_are_the_capture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(posing, "pose_frames", fake_posing.pose_all)
+    source = write_video(tmp_path / "walk.avi", shaky(60, 5))
+    events, material = [], None
+    gathering = gather(request(source, tmp_path / "f.npz"))
+    with pytest.raises(StopIteration) as end:
+        while True:
+            events.append(next(gathering))
+    material = end.value.value
+    assert (material.report["frames"], material.report["frames_posed"], material.report["images_used"]) == (12, 10, 10)
+    shown = [event for event in events if isinstance(event, SurfaceShaped)]
+    assert len(shown) == 4 and all(event.rough and read_box(event.glb) is not None for event in shown)
+    labels = [event.label for event in events if isinstance(event, Progress)]
+    assert "10 of 12 frames posed" in labels and labels[-1] == "reading photographs"
+
+
+def test_a_video_that_cannot_be_posed_is_bad_input_in_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(posing, "pose_frames", fake_posing.pose_few)
+    source = write_video(tmp_path / "walk.avi", shaky(60, 5))
+    assert main(["train", str(source), "--out", str(tmp_path / "f.npz")]) == BAD_INPUT
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert f"2 of 12 frames of {source}" in line and "walk around the things that you film" in line
+    assert not (tmp_path / "f.npz").exists()
+
+
+def test_frames_of_a_video_follow_from_the_budget() -> None:
+    assert [frames_in("best", budget) for budget in (None, 5.0, 90.0, 1e4)] == [150, 40, 120, 150]
+    for quality, budget in BUDGETS_S.items():
+        assert frames_in(quality, budget) == frames_in(quality, None), "a draft and its refinement share their world"
+
+
+def test_posing_that_is_stopped_or_cancelled_ends_its_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(posing, "pose_frames", fake_posing.wait)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    source = write_video(tmp_path / "walk.avi", shaky(60, 5))
+    for stop in (lambda job: job.close(), lambda job: job.send(True)):
+        job = run(request(source, tmp_path / "f.npz"))
+        while not (started := list(tmp_path.glob("nerfnav-*/process"))) or not started[0].read_text():
+            next(job)
+        number = int(started[0].read_text())
+        with suppress(StoppedError):
+            stop(job)
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, 0)
+        assert not list(tmp_path.glob("nerfnav-*"))
 
 
 def test_errors_in_an_archive_name_its_files_and_not_where_they_were_unpacked(tmp_path: Path) -> None:
