@@ -1,4 +1,5 @@
-"""Query for a better field of a mesh: one that was baked is calibrated, then its colours are learned.
+"""Query for a better field: of a mesh, one that was baked is calibrated, then its colours are learned; of a capture, a
+draft is replaced by a trained one.
 
 It takes a minute, and plans and flights do not wait: each answer goes one step further, while nothing else runs, and
 each better field replaces the one before it between two plans.
@@ -31,6 +32,8 @@ class Refinement:
 class BetterFieldQuery(Query[Refinement]):
     """Query for a better field, one step further."""
 
+    source: Path
+    """File or folder that the field was made of."""
     file: Path
     """File of the field."""
     quality: QualityName
@@ -45,14 +48,17 @@ class BetterFieldQuery(Query[Refinement]):
         """Ask once the user can begin; colours wait until the surface has its texture."""
         place = session.place
         idle = session.job is None or session.job.kind is JobKind.OPEN
-        if place is None or place.file is None or place.truth is None or not idle or session.seeking:
+        if place is None or place.file is None or not idle or session.seeking:
             return
-        info = place.field.info
-        if info.proven_from != "mesh" or info.iterations or (info.noise_std is not None and session.surface_is_rough):
+        source, file, info = Path(session.what).absolute(), place.file.absolute(), place.field.info
+        # not a draft that was opened without its capture, or that was georeferenced, and lies elsewhere
+        is_draft = info.is_draft and source != file and source.parent == file.parent
+        is_baked = place.truth is not None and info.proven_from == "mesh" and not info.iterations
+        if not (is_draft or is_baked) or ((is_draft or info.noise_std is not None) and session.surface_is_rough):
             return
         last = cls.asked_in(session)
         if last is None or last.file != place.file:
-            yield cls(place.file, session.quality)
+            yield cls(source, place.file, session.quality)
         else:
             yield replace(last, steps=last.steps + 1, refinement=cls.result_in(session))
 
@@ -66,12 +72,14 @@ class BetterFieldQuery(Query[Refinement]):
         return Refinement(going, next(going))
 
     def _begin(self, resources: Resources) -> Generator[VoxelField | None, None, None]:
-        from nerfnav_app.jobs.field.baked import refine  # slow to import, and seldom needed
+        from nerfnav_app.jobs.field import baked, drafts  # slow to import, and seldom needed
 
         place = resources.place
+        if place.field.info.is_draft:
+            return drafts.refine(self.source, self.file, self.quality, BUDGETS_S[self.quality])
         if place.scene is None or not isinstance(place.field, VoxelField):
             raise InvalidInputError(f"the mesh of {place.name} is missing: its colours cannot be learned")
-        return refine(place.field, place.scene, self.file, BUDGETS_S[self.quality])
+        return baked.refine(place.field, place.scene, self.file, BUDGETS_S[self.quality])
 
     def apply(self, session: Session, result: Refinement) -> Session:
         """Take a better field: what was computed in the old one is asked again, plans and flights stay."""
@@ -84,4 +92,5 @@ class BetterFieldQuery(Query[Refinement]):
         if not better.info.iterations:  # calibrated: it looks the same
             return replace(there, results={self.slot: (self, result)})
         there = replace(there, results={}, surface_is_rough=True)
-        return add_notice(there, "Better colours", "The field has learned the colours of the mesh.")
+        learned = "the colours of the mesh" if better.info.learned_from == "mesh" else "all pictures of the capture"
+        return add_notice(there, "Better colours", f"The field has learned {learned}.")

@@ -14,6 +14,7 @@ from typing import Any
 
 import torch
 
+from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.core.kernel_cache import cache_folder, caching, require_covered
 
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
@@ -23,6 +24,7 @@ prange = range
 _ANY = 1 << 30
 _allowed: ContextVar[int] = ContextVar("threads that kernels may use", default=1)
 _bound: ContextVar[int] = ContextVar("threads that blocks inside may ask for", default=_ANY)
+_default: ContextVar[int | None] = ContextVar("threads of large work", default=None)
 _compiling: ContextVar[Callable[[int], None]] = ContextVar("listener of compilations", default=lambda change: None)
 """Called with 1 when a compilation begins, and with -1 when it ends."""
 
@@ -131,10 +133,35 @@ def _listen() -> None:
     event.register("numba:compile", Listener())
 
 
+def count_cores() -> int:
+    """Count the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 2
+
+
 def default_threads() -> int:
-    """All cores that this process may use but one, which is left to the web server and the rest; at least 1."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 2
-    return max(1, cores - 1)
+    """Threads of large work, such as training: those of `use_threads`.
+
+    Else all cores but one, which is left to the web server and the rest; at least 1.
+    """
+    return _default.get() or max(1, count_cores() - 1)
+
+
+@contextmanager
+def use_threads(count: int | None) -> Iterator[None]:
+    """Let large work inside the block have `count` threads; None: one on each core.
+
+    Plans and filters keep the one that they ask for. Raises InvalidInputError for a count that is not positive, and for
+    more threads than there are cores.
+    """
+    cores = count_cores()
+    require_positive(threads=count)
+    if count is not None and count > cores:
+        raise InvalidInputError(f"threads must be at most {cores}, the cores that this process may use, not {count}")
+    before = _default.set(count or cores)
+    try:
+        yield
+    finally:
+        _default.reset(before)
 
 
 @contextmanager

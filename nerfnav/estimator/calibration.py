@@ -22,6 +22,7 @@ import scipy
 import torch
 from jaxtyping import Float
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import ELLIPSOID_95, POSE, Belief
 from nerfnav.estimator.core.filter_config import FastConfig
@@ -74,8 +75,13 @@ class Calibration:
         )
 
 
-def calibrate_field(field: Field, info: FieldInfo, pictures: PosedImages, seed: int = 0) -> Calibration | None:
-    """Calibrate the fast filter in a field by pictures from known poses; None where too few show anything."""
+def calibrate_field(
+    field: Field, info: FieldInfo, pictures: PosedImages, seed: int = 0, until: Deadline | None = None
+) -> Calibration | None:
+    """Calibrate the fast filter in a field by pictures from known poses; None where too few show anything.
+
+    With `until`, the pictures come in random order, and after the fewest that are needed those end it that are left.
+    """
     camera = reduce_camera(pictures.camera)
     every = max(1, -(-len(pictures) // _VIEWS))
     chosen = pictures.subset(slice(0, len(pictures), every))
@@ -84,22 +90,30 @@ def calibrate_field(field: Field, info: FieldInfo, pictures: PosedImages, seed: 
     estimator = FastFilter(field, load("quadrotor"), camera, FORWARD_MOUNT, config)
     noise = replace(StateNoise(), position_m=max(StateNoise.position_m, _PLACE * float(field.box.size.max())))
     resized = PosedImages(images, camera, chosen.poses)
-    return calibrate_filter(estimator, resized, noise, torch.Generator().manual_seed(seed))
+    return calibrate_filter(estimator, resized, noise, torch.Generator().manual_seed(seed), until)
 
 
 def calibrate_filter(
-    estimator: Corrector, pictures: PosedImages, noise: StateNoise, generator: torch.Generator
+    estimator: Corrector,
+    pictures: PosedImages,
+    noise: StateNoise,
+    generator: torch.Generator,
+    until: Deadline | None = None,
 ) -> Calibration | None:
     """Calibrate a filter with a camera at FORWARD_MOUNT by pictures from known poses; None where too few tell anything.
 
-    Predictions are off by draws of `noise`.
+    Predictions are off by draws of `noise`. `until` is that of `calibrate_field`.
     """
+    if until is not None:
+        pictures = pictures.subset(torch.randperm(len(pictures), generator=generator).tolist())
     prior = noise.covariance()[POSE][:, POSE].double().numpy()
     tried, ends = 0, []
     for result in _correct_all(estimator, pictures, noise, generator):
         tried += 1
         if result is not None:
             ends.append(result)
+        if until is not None and tried >= _FEWEST and until.left_s <= 0:
+            break
     if tried < _FEWEST:
         return None
     if len(ends) < _FEWEST:

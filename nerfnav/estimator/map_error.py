@@ -33,6 +33,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.estimator.core.belief import POSE, Belief
 from nerfnav.estimator.core.filter_config import FastConfig, exposure_prior
 from nerfnav.estimator.core.prediction import estimate_noise_scale
@@ -127,16 +128,27 @@ def correct_schmidt_kalman(
 
 @torch.no_grad()
 def measure_map_error(
-    field: Field, photographs: PosedImages, noise: ColorNoise, generator: torch.Generator
+    field: Field,
+    photographs: PosedImages,
+    noise: ColorNoise,
+    generator: torch.Generator,
+    until: Deadline | None = None,
 ) -> tuple[float, ...]:
-    """Return F, 36 numbers row by row; empty where too few photographs can be fitted."""
+    """Return F, 36 numbers row by row; empty where too few photographs can be fitted.
+
+    With `until`, the photographs come in random order, and after the fewest fits that are needed those end it that are
+    left.
+    """
+    if until is not None:
+        photographs = photographs.subset(torch.randperm(len(photographs), generator=generator).tolist())
     size = float(field.box.size.max())
     deviations = torch.tensor([_DEVIATION * size] * 3 + [_DEVIATION / _DEPTH] * 3)
-    ends = [
-        end
-        for end in _fit_photographs(field, photographs, noise, deviations, generator)
-        if (end[0].abs() < _ASTRAY * deviations).all()
-    ]
+    ends = []
+    for end in _fit_photographs(field, photographs, noise, deviations, generator):
+        if (end[0].abs() < _ASTRAY * deviations).all():
+            ends.append(end)
+        if until is not None and len(ends) >= _FEWEST and until.left_s <= 0:
+            break
     if len(ends) < _FEWEST:
         return ()
     errors, reported = (torch.stack(part).double() for part in zip(*ends, strict=True))

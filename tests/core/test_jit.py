@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.core.jit import Kernel, default_threads, kernel, prange, report_compilation, threads
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.jit import (
+    Kernel,
+    default_threads,
+    kernel,
+    prange,
+    report_compilation,
+    threads,
+    use_threads,
+)
 from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.field.proof import carving
 
@@ -40,6 +49,25 @@ def test_one_of_the_cores_that_this_process_may_use_is_left_to_others(
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: usable, raising=False)
     assert default_threads() == expected
+
+
+@pytest.mark.parametrize(("count", "expected"), [(None, 4), (1, 1), (3, 3)])
+def test_large_work_has_the_threads_that_it_is_given_and_plans_keep_one(
+    count: int | None, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {1, 4, 5, 7}, raising=False)
+    with use_threads(count):
+        assert default_threads() == expected
+        with threads(1), threads(default_threads()) as used:
+            assert used == 1
+    assert default_threads() == 3
+
+
+@pytest.mark.parametrize("count", [0, -1, 5])
+def test_more_threads_than_cores_or_none_are_refused(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {1, 4, 5, 7}, raising=False)
+    with pytest.raises(InvalidInputError, match=f"threads must be .*, not {count}"), use_threads(count):
+        pass
 
 
 def test_kernels_that_are_made_in_several_threads_at_once_are_all_kept_in_their_own_folder() -> None:

@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.estimator.calibration import calibrate_filter, fit_calibration
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_config import FastConfig
@@ -16,6 +17,7 @@ from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Pose, PosedImages
 from nerfnav.robots import ProcessNoise, RigidState, StateNoise
 from nerfnav.robots.state import TANGENT
+from tests.clock import Clock
 from tests.estimator.places import CAMERA, HERE, draws
 
 NOISE = StateNoise()
@@ -71,6 +73,16 @@ def test_failed_corrections_are_counted_and_do_not_widen_the_others() -> None:
         assert found is not None and found.corrections == 40
         assert found.failed_share == pytest.approx(share, abs=0.03)
         assert found.position_floor_m < 0.005 and found.attitude_floor_rad < 0.005
+
+
+@pytest.mark.parametrize(("seconds", "corrections"), [(30.0, 30), (2.0, 12), (1e3, 40)])
+def test_calibration_ends_with_its_time_but_not_before_the_fewest_corrections(
+    seconds: float, corrections: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimator, clock = Overconfident(HERE, 0.002, 1.0, 0), Clock(monkeypatch)
+    clock.slow(estimator, "correct", lambda *_: 1.0)
+    found = calibrate_filter(estimator, pictures(40), NOISE, draws(1), Deadline(seconds))
+    assert found is not None and found.corrections == corrections
 
 
 def test_too_few_pictures_give_no_calibration() -> None:

@@ -1,4 +1,4 @@
-"""nerfnav bench: time nerfnav on this machine against the paper's way; `bench open`: time the opening of meshes."""
+"""nerfnav bench: time nerfnav on this machine against the paper's way; `bench open`: time the opening of files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Arguments(BenchRequest, Output):
 
 @dataclass(frozen=True)
 class OpenArguments(OpeningRequest, Output):
-    """Time how long meshes take to be shown, planned in, flown in, and learned in colour."""
+    """Time how long files take to be shown, planned in, flown in, and trained."""
 
 
 def arguments_for(words: Sequence[str]) -> type[Any]:

@@ -3,7 +3,6 @@
 The check of the kernels compiles the renderer and compares it with the torch path.
 """
 
-import os
 import platform
 import shutil
 import time
@@ -13,7 +12,7 @@ from typing import Any
 import numba
 import torch
 
-from nerfnav.core.jit import default_threads, threads
+from nerfnav.core.jit import count_cores, default_threads, threads
 from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.estimator.paper.retraction import retraction_backend
 from nerfnav.field import VoxelField, render_rays
@@ -56,7 +55,7 @@ def examine() -> dict[str, Any]:
     """Collect the findings by name."""
     return {
         "python": platform.python_version(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": count_cores(),
         "threads": default_threads(),
         "torch": torch.__version__,
         "gpu": torch.cuda.get_device_name(0) if torch.cuda.is_available() else None,

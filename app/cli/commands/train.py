@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, arg
 
+from nerfnav.core.jit import use_threads
 from nerfnav.importers import MeshOptions
 from nerfnav_app.cli.arguments import PlacementArguments
 from nerfnav_app.cli.progress import run_and_print
@@ -28,6 +29,8 @@ class Arguments(TrainOptions, Output):
     """Options of neural fields."""
     baked: bool = False
     """Of a mesh: make the field of the mesh itself, in seconds, without training."""
+    threads: int | None = None
+    """Threads to train on (default: one on each core)."""
     depth: Literal["auto", "on", "off"] = "auto"
     """Learn from depth, of a mesh or of a capture that has it; auto: where there is any, except in bundled scenes."""
 
@@ -50,4 +53,5 @@ def run(arguments: Arguments) -> None:
         neural=arguments.neural if arguments.kind == "neural" else None,
     )
     job = run_baked(request) if arguments.baked else run_job(request)
-    run_and_print(f"field {arguments.out}", job, arguments.json, can_stop_early=not arguments.baked)
+    with use_threads(arguments.threads):
+        run_and_print(f"field {arguments.out}", job, arguments.json, can_stop_early=not arguments.baked)

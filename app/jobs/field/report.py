@@ -9,6 +9,7 @@ from typing import Any
 import torch
 
 import nerfnav_scenes as scenes
+from nerfnav.core.deadline import Deadline
 from nerfnav.estimator import ColorNoise, calibrate_field, encode_views, measure_map_error
 from nerfnav.experiments import (
     FreeSpaceAccuracy,
@@ -25,6 +26,11 @@ from nerfnav.importers.meshes.ground_truth import truth_path, write_truth_beside
 from nerfnav.world import Scene
 from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
+
+CALIBRATION = 0.1
+"""Share of a budget for the calibration, at most."""
+_FILTER = 0.75
+"""Share of that for the filter, before the pose error of the pictures is measured."""
 
 
 def import_numbers(made: StoredField) -> dict[str, Any]:
@@ -52,12 +58,15 @@ def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
 
 
 def judge_field(
-    trained: VoxelField | NeuralField, material: TrainingData
+    trained: VoxelField | NeuralField, material: TrainingData, budget: Deadline | None = None
 ) -> Generator[JobEvent, bool | None, tuple[VoxelField | NeuralField, FreeSpaceAccuracy]]:
-    """Calibrate a field and measure its free-space accuracy; return the field with both, and the latter."""
+    """Calibrate a field and measure its free-space accuracy; return the field with both, and the latter.
+
+    Calibration takes a tenth of a budget, or less where less is left.
+    """
     yield Progress("judging", 0.0)
     if isinstance(trained, VoxelField):
-        trained = calibrated(trained, material)
+        trained = calibrated(trained, material, None if budget is None else budget.part(CALIBRATION * budget.seconds))
     yield Progress("judging", 0.5)
     return measure_accuracy(trained, material)
 
@@ -80,15 +89,19 @@ def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> F
     return measure_unproven_share(trained, voxel)
 
 
-def calibrated(trained: VoxelField, material: TrainingData) -> VoxelField:
-    """Field with the calibration by held-out photographs, and of a capture with their pose error, for trackers."""
-    info = trained.info
-    if (found := calibrate_field(trained, info, material.held_out)) is not None:
+def calibrated(trained: VoxelField, material: TrainingData, until: Deadline | None = None) -> VoxelField:
+    """Field with the calibration by held-out photographs, and of a capture with their pose error, for trackers.
+
+    `until` limits the time of both.
+    """
+    info, alone = trained.info, material.truth is not None
+    first = until if alone or until is None else until.part(_FILTER * until.seconds)
+    if (found := calibrate_field(trained, info, material.held_out, until=first)) is not None:
         info = found.note_in(info)
-    if material.truth is not None:
+    if alone:
         return replace(trained, info=info)
     noise = ColorNoise().measured(info.noise_std)
-    floor = measure_map_error(trained, material.held_out, noise, torch.Generator().manual_seed(0))
+    floor = measure_map_error(trained, material.held_out, noise, torch.Generator().manual_seed(0), until)
     return replace(trained, info=replace(info, pose_floor=floor))
 
 
@@ -118,13 +131,16 @@ def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccur
     }
 
 
-def noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
+def noted(
+    field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData, made_by: str = "trained"
+) -> VoxelField | NeuralField:
     """Note in the info of a field what it was made of."""
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
     info = replace(
         field.info,
         source=name,
+        made_by=made_by,
         seed=request.seed,
         guesses=material.guesses,
         camera=material.camera,

@@ -103,7 +103,7 @@ class TrainOptions:
     """draft: coarse and quick; good: by the size and the pictures of the place; best: as fine as the pixels of the
     pictures, in four times the time."""
     budget: float | None = None
-    """Time to train [s], in place of iterations; the result then depends on the machine."""
+    """Time from reading to the stored field [s], in place of iterations; the result then depends on the machine."""
     iterations: int | None = None
     """Training steps (default: by the source)."""
     save_every: float | None = None

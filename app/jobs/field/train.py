@@ -1,11 +1,13 @@
 """Train job: gather photographs of a source, configure the training, learn a voxel field or networks, store it."""
 
+import math
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import map_steps
 from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, TrainConfig, TrainStep, VoxelField, train_neural
@@ -13,11 +15,17 @@ from nerfnav.field.models.neural import blank_field
 from nerfnav.field.train.loop import train
 from nerfnav.geometry import Box
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress, relay_steps
-from nerfnav_app.jobs.field.report import judge_field, noted, stored, training_numbers
+from nerfnav_app.jobs.field.report import CALIBRATION, judge_field, noted, stored, training_numbers
 from nerfnav_app.jobs.field.request import QUALITIES, NeuralOptions, Quality, TrainRequest, pixel_size, voxel_of
 from nerfnav_app.jobs.field.training_data import TrainingData, gather
 from nerfnav_app.storage.output_files import prepare_file
 
+STORING = 0.03
+"""Share of a budget for measuring the free-space accuracy and for storing the field."""
+LEAST_TRAINING = 0.2
+"""Share of a budget that training and evaluation have, however long the photographs take to read."""
+EXCEEDED = 1.1
+"""Times a budget, beyond which a training reports that it was too small."""
 MOST_VOXELS = 30_000_000
 """Training holds a dozen numbers for each voxel and thread."""
 OUTSIDE_NODES = 128
@@ -76,10 +84,10 @@ def require_map_memory(box: Box, voxel: float) -> None:
 
 
 def learn_voxels(
-    material: TrainingData, config: TrainConfig, generator: torch.Generator
+    material: TrainingData, config: TrainConfig, generator: torch.Generator, budget: Deadline | None = None
 ) -> Generator[JobEvent, bool | None, VoxelField]:
-    """Yield reports and progress; return the field. Send True to end early."""
-    steps = train(material.learned, material.held_out, material.box, material.background, config, generator)
+    """Yield reports and progress; return the field. Send True to end early. `config.budget` is a part of `budget`."""
+    steps = train(material.learned, material.held_out, material.box, material.background, config, generator, budget)
     return relay_steps(steps, lambda step: (step,) if step.last else (step, Progress("training", step.fraction)))
 
 
@@ -112,26 +120,61 @@ def learn_networks(
     )
 
 
-def run(request: TrainRequest) -> JobEvents:
+def run(request: TrainRequest, clock: Deadline | None = None) -> JobEvents:
     """Yield progress of every picture and reports of the training; return the numbers of the stored field.
 
-    Send True to end early: what was learned so far is then stored and reported as usual.
+    Send True to end early: what was learned so far is then stored and reported as usual. The budget of the request runs
+    on `clock`, which may pause.
     Raises NerfnavError where the source cannot be trained from or the file cannot be written.
     """
-    out = prepare_file(request.out)
+    budget = Deadline(request.budget, clock)
+    prepare_file(request.out)
     material = yield from gather(request)
+    return (yield from learn(request, material, budget))
+
+
+def learn(request: TrainRequest, material: TrainingData, budget: Deadline, made_by: str = "trained") -> JobEvents:
+    """Train a field of photographs that were read within the budget, judge it and store it, as `run` does."""
+    out = request.out
+    reading_s = budget.elapsed_s
+    request = replace(request, budget=time_to_train(budget))
     # the training's randomness is its own: it does not depend on how the photographs came about
     generator = torch.Generator().manual_seed(request.seed)
     if request.neural is None:
         config = replace(config_for(request, material), field_every=request.save_every)
         require_map_memory(material.box, config.voxel)
-        trained = yield from _keeping(learn_voxels(material, config, generator), request, material, out)
+        learning = learn_voxels(material, config, generator, budget)
+        trained = yield from _keeping(learning, request, material, out)
     else:
         trained = yield from learn_networks(material, request, request.neural, generator)
-    trained = noted(trained, request, material)
-    trained, accuracy = yield from judge_field(trained, material)
+    trained = noted(trained, request, material, made_by)
+    training_s = budget.elapsed_s - reading_s
+    trained, accuracy = yield from judge_field(trained, material, None if request.budget is None else budget)
     file_bytes, files = stored(trained, material.truth, out)
-    return JobResult({**training_numbers(trained, accuracy, file_bytes), "source": material.report}, files)
+    numbers = {**training_numbers(trained, accuracy, file_bytes), "source": material.report}
+    if request.budget is not None:
+        numbers["budget"] = describe_budget(budget, reading_s, training_s)
+    return JobResult(numbers, files)
+
+
+def time_to_train(budget: Deadline) -> float | None:
+    """Time of a budget for training and its evaluation, once the photographs are read [s]; None without a budget."""
+    if math.isinf(budget.seconds):
+        return None
+    return max(budget.left_s - (CALIBRATION + STORING) * budget.seconds, LEAST_TRAINING * budget.seconds)
+
+
+def describe_budget(budget: Deadline, reading_s: float, training_s: float) -> dict[str, float | str]:
+    """Describe how a budget was spent, for `--json`: `training_s` includes the evaluation."""
+    took_s = budget.elapsed_s
+    spent = {"reading_s": reading_s, "training_s": training_s, "judging_s": took_s - reading_s - training_s}
+    numbers: dict[str, float | str] = {"asked_s": budget.seconds, "took_s": took_s, **spent}
+    if took_s > EXCEEDED * budget.seconds:
+        numbers["exceeded"] = (
+            f"a budget of {budget.seconds:g} s is too small here for reading, proof of free space and calibration: "
+            f"it took {took_s:.0f} s; give at least that, or a larger --voxel"
+        )
+    return numbers
 
 
 def _keeping(

@@ -6,7 +6,6 @@ numbers, tables and plots.
 
 import importlib
 import importlib.util
-import os
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import torch
 
 from nerfnav.core.errors import require_positive
 from nerfnav.core.extras import import_extra
-from nerfnav.core.jit import default_threads
+from nerfnav.core.jit import count_cores, default_threads
 from nerfnav.experiments import Arena
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.importers.captures.formats import read_views
@@ -72,9 +71,8 @@ def check_capture(source: Path, seconds: tuple[float, ...]) -> None:
 def measure_training(source: Path, seconds: tuple[float, ...] = SECONDS) -> Generator[JobEvent, bool | None, list[Row]]:
     """Yield progress; return for each time what came of it.
 
-    Each time is one to learn for; looking for what is proven free follows, and is in `train_s` and `cpu_s`, which adds
-    up all threads: where others use the machine, it is less than it would be alone. Raises CaptureError where there is
-    no capture that a field can be trained from.
+    Each time is one to learn and to prove space free. `cpu_s` adds up all threads: where others use the machine, it is
+    less than it would be alone. Raises CaptureError where there is no capture that a field can be trained from.
     """
     rows: list[Row] = []
     for budget in seconds:
@@ -175,7 +173,7 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     if request.capture is not None:
         summary["training"] = yield from measure_training(request.capture, request.seconds)
     summary |= {
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": count_cores(),
         "quick": request.quick,
         "left_out": [name for name in MEASURES if name not in summary],
     }

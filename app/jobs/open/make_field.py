@@ -1,4 +1,4 @@
-"""Make a field of a user's file, to open it: by baking (mesh), training (capture, video) or import (splats, NeRF).
+"""Make a field of a user's file, to open it: by baking (mesh), a draft (capture, video) or import (splats, NeRF).
 
 The field lies beside its source, and is found again there until the source changes.
 """
@@ -13,7 +13,7 @@ from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
 from nerfnav.importers.meshes.files import list_archived_meshes
 from nerfnav_app.jobs.events import JobEvents, JobResult, SurfaceShaped
 from nerfnav_app.jobs.export.surface import encode_scene
-from nerfnav_app.jobs.field import baked, train
+from nerfnav_app.jobs.field import baked, drafts, train
 from nerfnav_app.jobs.field.meshes import find_solids, read_visible
 from nerfnav_app.jobs.field.report import stored
 from nerfnav_app.jobs.field.train import TrainRequest
@@ -31,7 +31,9 @@ def run(source: Path, out: Path, quality: QualityName = USUAL, box: Corners | No
     request = TrainRequest(str(source), out, quality=quality, placement=placement)
     if source_kind(source) is SourceKind.MESH:
         return _bake_mesh(request)
-    return train.run(replace(request, budget=BUDGETS_S[quality]))
+    if quality == "draft":
+        return train.run(replace(request, budget=BUDGETS_S[quality]))
+    return drafts.draft(request)
 
 
 def _bake_mesh(request: TrainRequest) -> JobEvents:

@@ -1,7 +1,7 @@
-"""Time the opening of a mesh in this process: the part of app/benchmarks/opening.py that runs in the new process."""
+"""Time the opening of a file in this process: the part of app/benchmarks/opening.py that runs in the new process."""
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from nerfnav.navigation import EpisodeOutcome, NavigationStep
 from nerfnav.planner import FLYABLE, OccupancyConfig
 from nerfnav.planner.objective.default_ends import propose_ends
 from nerfnav_app.jobs.events import SurfaceShaped
-from nerfnav_app.jobs.field.baked import refine
+from nerfnav_app.jobs.export.surface import build_first_surface
+from nerfnav_app.jobs.field import baked, drafts
 from nerfnav_app.jobs.fly import fly
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.open import make_field
@@ -23,17 +24,18 @@ from nerfnav_app.jobs.plan import plan
 from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
+from nerfnav_app.places.sources import USUAL
 
 _FLYABLE = {outcome.name.lower() for outcome in FLYABLE}
 
 
 def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[str, Any]:
-    """Open a mesh, plan, calibrate, fly by camera, and learn its colours for so many seconds [s].
+    """Open a file or a capture, plan, fly by camera, and train the field for so many seconds [s], where it is a draft.
 
-    `began` is the time.time() that all times count from. `shown`: the mesh is ready for the viewer; `planned`: there is
-    a plan to fly; `flown`: a flight has arrived; `full`: its colours are learned. None where that did not come
-    about. `cpu_s` holds the processor time of the process by then: other processes do not add to it.
-    The field is left in `out`. Raises NerfnavError for what is no mesh.
+    `began` is the time.time() that all times count from. `shown`: a mesh, or the surface of a field, is ready for the
+    viewer; `planned`: there is a plan to fly; `flown`: a flight has arrived; `full`: the field is trained. None where
+    that did not come about. `cpu_s` holds the processor time of the process by then: other processes do not add to it.
+    `made_by` is the origin of the first field, which is left in `out`. Raises NerfnavError for what cannot be opened.
     """
     times: dict[str, float | None] = dict.fromkeys(("shown", "planned", "flown", "full"))
     worked: dict[str, float] = {}
@@ -43,13 +45,16 @@ def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[
         worked[name] = round(time.process_time(), 2)
 
     place = _make_place(source, out, lambda: note("shown"))
-    if not isinstance(place.field, VoxelField) or place.scene is None or place.file is None:
-        raise InvalidInputError(f"{source} is no mesh, and bench open times meshes")
+    made_by = place.field.info.made_by
+    if times["shown"] is None:
+        build_first_surface(place)
+        note("shown")
     request = plan.PlanRequest(_first_ends(place), shortest=True)
     if run_steps(plan.run(request, place)).summary["outcome"] in _FLYABLE:
         note("planned")
-    stages = refine(place.field, place.scene, place.file, seconds)
-    place = _better(place, stages)
+    stages = _stages(place, source, seconds)
+    if place.scene is not None:  # calibrated
+        place = _better(place, stages)
     flown, errors = _fly(request, place)
     if flown["outcome"] == EpisodeOutcome.REACHED.name.lower():
         note("flown")
@@ -57,6 +62,7 @@ def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[
     note("full")
     flown_on, errors_on = _fly(request, place)
     return times | {
+        "made_by": made_by,
         "cpu_s": worked,
         "psnr_db": place.field.info.psnr_db,
         "outcome": flown["outcome"],
@@ -85,9 +91,17 @@ def _first_ends(place: Place) -> Ends:
     return Ends(*map(End.of_state, found))
 
 
-def _better(place: Place, stages: Generator[VoxelField | None, None, None]) -> Place:
-    """The place with its next better field."""
-    return replace(place, field=next(field for field in stages if field is not None))
+def _stages(place: Place, source: Path, seconds: float) -> Iterator[VoxelField | None]:
+    """Better fields of the place, if there are any: of a mesh two, of a capture one."""
+    assert place.file is not None, "it was opened from a file"
+    if place.scene is not None and isinstance(place.field, VoxelField):
+        return baked.refine(place.field, place.scene, place.file, seconds)
+    return drafts.refine(source, place.file, USUAL, seconds) if place.field.info.is_draft else iter(())
+
+
+def _better(place: Place, stages: Iterator[VoxelField | None]) -> Place:
+    """The place with its next better field, or as it is where there is none."""
+    return replace(place, field=next((field for field in stages if field is not None), place.field))
 
 
 def _fly(request: plan.PlanRequest, place: Place) -> tuple[dict[str, Any], float | None]:

@@ -37,8 +37,8 @@ class FieldInfo:
     outlier_share: float | None = None
     """Share of pixels on held-out views that are outliers of the latter."""
     made_by: str = ""
-    """Origin of its values: "trained" from pictures, "baked" from a mesh or another field, or "imported"; empty where
-    unknown."""
+    """Origin of its values: "trained" from pictures, "baked" from a mesh or another field, or "imported"; of a capture
+    that is still to be trained on, "fused" from depth or "draft" of a short training; empty where unknown."""
     learned_from: str = ""
     """Source of its geometry: "pictures", "pictures and depth" or "mesh"; empty where unknown."""
     proven_from: str = ""
@@ -79,6 +79,11 @@ class FieldInfo:
     """Sentences on what was guessed of up, lengths and box when it was made; guesses corrected since are left out."""
     input_keys: KeyReport | None = None
     """Keys of its capture's files: used, ignored (with the reason) and unknown; None where unknown."""
+
+    @property
+    def is_draft(self) -> bool:
+        """Check that the field is of a capture that is still to be trained on."""
+        return self.made_by in ("fused", "draft")
 
     @classmethod
     def of(cls, stored: dict[str, Any]) -> "FieldInfo":

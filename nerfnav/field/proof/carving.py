@@ -24,6 +24,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.core.jit import default_threads, kernel, prange, threads
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, SOLID_DENSITY, raw_of
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, corner_weights, interpolate, node_counts, part_of, softplus
@@ -69,15 +70,24 @@ class CarvingConfig:
 
 
 def carve_free_space(
-    field: VoxelField, photographs: PosedImages, config: CarvingConfig | None = None
+    field: VoxelField,
+    photographs: PosedImages,
+    config: CarvingConfig | None = None,
+    until: Deadline | None = None,
 ) -> Nodes:
-    """Find the nodes of `field` that the photographs it was learned from prove free."""
-    config = config or CarvingConfig()
+    """Find the nodes of `field` that the photographs it was learned from prove free.
+
+    After the first round, another one begins only where it is expected to end before `until`.
+    """
+    config, until = config or CarvingConfig(), until or Deadline()
+    begun_s = until.elapsed_s
     slack = config.rounding + config.deviations * estimate_noise(photographs)
     thin = field.values[..., 0] < raw_of(SOLID_DENSITY)
     cleared = _carved_once(field, photographs, config, slack, thin)
     proven = erode_isolated(cleared, config.company)
-    for _ in range(config.rounds - 1):
+    for done in range(1, config.rounds):
+        if (until.elapsed_s - begun_s) / done > until.left_s:
+            break
         values, before = field.values.clone(), int(proven.sum())
         values[..., 0][proven] = EMPTY_RAW
         cleared |= _carved_once(replace(field, values=values), photographs, config, slack, thin & ~cleared)

@@ -8,9 +8,6 @@ from nerfnav.field.train.grid_learner import LearningRates
 from nerfnav.field.train.training_volume import Finish
 from nerfnav.geometry import Box, shape_for
 
-_FINISHING = 0.06
-"""Share of a budget that goes into the unknown and the held-out views."""
-
 
 @dataclass(frozen=True)
 class TrainConfig:
@@ -21,7 +18,8 @@ class TrainConfig:
     iterations: int = 1500
     """Training steps, when there is no budget."""
     budget: float | None = None
-    """Time to spend [s]; replaces `iterations`. The result then depends on how fast the machine is."""
+    """Wall time to spend, evaluation included [s]; replaces `iterations`. The result then depends on how fast the
+    machine is. Exceeded where evaluation leaves too little of it for learning."""
     rays: int = 8192
     """Rays in a training step."""
     patch: int = 1
@@ -66,11 +64,6 @@ class TrainConfig:
     """Training steps between two TrainSteps."""
     field_every: float | None = None
     """Time between two fields in training [s]; evaluating one takes seconds. None: only the last is made."""
-
-    @property
-    def seconds_to_learn(self) -> float | None:
-        """Time until learning ends [s]; the rest of the budget is for what follows. None without a budget."""
-        return None if self.budget is None else (1 - _FINISHING) * self.budget
 
     @property
     def stage_ends(self) -> list[float]:

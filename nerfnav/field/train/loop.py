@@ -17,6 +17,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.core.memory import require_memory
@@ -25,7 +26,7 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.proof.fusion import FusedDepth, fuse_depth
 from nerfnav.field.proof.visual_hull import compute_hull, widen_silhouettes
 from nerfnav.field.train.config import TrainConfig
-from nerfnav.field.train.evaluation import describe_training, evaluate_grid
+from nerfnav.field.train.evaluation import describe_training, evaluate_grid, predict_cost
 from nerfnav.field.train.exposure import ExposureCorrection, correct_exposure
 from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.progress import Progress, TrainStep
@@ -111,14 +112,17 @@ def train(
     background: Float[Tensor, "3"],
     config: TrainConfig,
     generator: torch.Generator,
+    budget: Deadline | None = None,
 ) -> Generator[TrainStep, bool | None, VoxelField]:
     """Train a voxel field in `box`, yield progress, and return the field.
 
-    `background` is the colour of rays that nothing stops. Closing the generator early loses what was learned; to
-    stop and keep it, send True: the next step is then the last. Raises InvalidInputError for images that no field can
-    be learned from, and where memory cannot hold the training.
+    `background` is the colour of rays that nothing stops. `config.budget` runs on the clock of `budget`, where that is
+    given, which may pause. No iterations give the field as it begins: of depth maps, what they show. Closing the
+    generator early loses what was learned; to stop and keep it, send True: the next step is then the last. Raises
+    InvalidInputError for images that no field can be learned from, and where memory cannot hold the training.
     """
-    progress = Progress(config.iterations, config.seconds_to_learn)
+    budget = Deadline(config.budget, budget)
+    progress, cost = Progress(config.iterations, budget), None
     with threads(default_threads()) as workers:
         learner, stage, depth, mask = first_learner(photographs, box, background, config, workers)
     sampler, ends = RaySampler(photographs, generator, mask), config.stage_ends
@@ -129,7 +133,8 @@ def train(
         """Return a field in training with its occupancy and its quality."""
         field = replace(field, info=describe_training(photographs, generator, progress.iteration))
         shown = correct_exposure(photographs, sampler.gains) if config.exposure else photographs
-        trained = evaluate_grid(field, depth, shown, held_out, config.exposure)
+        carving = budget.part(budget.left_s - (0.0 if cost is None else cost.noise_s))
+        trained = evaluate_grid(field, depth, shown, held_out, config.exposure, carving)
         return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))
 
     stop: bool | None = None
@@ -145,6 +150,9 @@ def train(
             batch = sampler.draw(config.rays_of(stage), config.patch)
             ended = None if points is None else points.draw(config.points)
             progress.learned(learner.step(batch, config.rates(progress.fraction), ended), len(batch.targets))
+        if progress.has_budget and cost is None and stage == len(config.stages) - 1:
+            cost = predict_cost(learner.so_far(config.finish), depth, photographs, held_out)
+            progress.reserve(cost.total_s)
         if progress.elapsed_s >= next_field_s and progress.fraction < 1:
             so_far = evaluate(learner.so_far(config.finish))
             next_field_s = progress.elapsed_s + (config.field_every or math.inf)

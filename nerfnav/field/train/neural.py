@@ -10,19 +10,21 @@ voxel field of nerfnav/field/train/loop.py has in a minute; on a CPU with small 
 """
 
 from collections.abc import Generator
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.core.protocol import RaySamples, box_interval
 from nerfnav.field.models.mlp import MlpConfig, RadianceMlp
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.render.volume_rendering import Rendering, composite
-from nerfnav.field.train.evaluation import describe_training, evaluate_networks
+from nerfnav.field.train.evaluation import calibrate_noise, describe_training, predict_noise_s
 from nerfnav.field.train.progress import Progress, TrainStep
 from nerfnav.field.train.rays import RayBatch, RaySampler
 from nerfnav.geometry import PosedImages
@@ -37,7 +39,7 @@ class NeuralTrainConfig:
     iterations: int = 200_000
     """Training steps, when there is no budget."""
     budget: float | None = None
-    """Time to spend [s]; replaces `iterations`."""
+    """Wall time to spend, evaluation included [s]; replaces `iterations`."""
     rays: int = 1024
     """Rays in a training step."""
     coarse_samples: int = 64
@@ -142,16 +144,25 @@ def train_neural(
         raise InvalidInputError("there is no image to train from; at least two are needed")
     learner = NeuralLearner(blank, config, generator)
     sampler = RaySampler(photographs, generator)
-    progress = Progress(config.iterations, config.budget)
+    progress = Progress(config.iterations, Deadline(config.budget))
     stop: bool | None = None
     while progress.fraction < 1 and not stop:
         with threads(default_threads()):  # restores how many torch may use, which a parallel kernel forgets
             batch = sampler.draw(config.rays)
         progress.learned(learner.step(batch, config.rate * config.final_rate**progress.fraction), config.rays)
+        if progress.has_budget and progress.iteration == 1:
+            progress.reserve(predict_noise_s(_on_cpu(blank), held_out))
         if progress.is_due(config.report_every):
             stop = yield progress.step()
     info = replace(describe_training(photographs, generator, progress.iteration), train_s=progress.elapsed_s)
-    trained = evaluate_networks(replace(blank, info=info), held_out)
+    trained = _on_cpu(blank)
+    trained = replace(trained, info=calibrate_noise(info, trained, held_out))
     rate, psnr = progress.iteration * config.rays / info.train_s, trained.info.psnr_db or progress.psnr_db
     yield progress.last_step(psnr, rate)
     return trained
+
+
+def _on_cpu(networks: NeuralField) -> NeuralField:
+    """Copy networks to the CPU, without gradients."""
+    coarse, fine = (deepcopy(each).requires_grad_(False).cpu() for each in (networks.coarse, networks.fine))
+    return replace(networks, coarse=coarse, fine=fine)

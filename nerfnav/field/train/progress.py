@@ -1,8 +1,9 @@
 """Training progress: the share that is done, the current error, and the speed."""
 
-import time
+import math
 from dataclasses import dataclass
 
+from nerfnav.core.deadline import Deadline
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import psnr_db
 
@@ -30,21 +31,28 @@ class TrainStep:
     """Training has ended."""
 
 
-class Progress:
-    """Counts training steps against a number of them, or against the time since it was made."""
+_EVALUATION = 0.25
+"""Share of a budget that is kept for the evaluation before its time is known."""
+_LEAST = 0.1
+"""Share of a budget for which training goes on, however long the evaluation takes."""
 
-    def __init__(self, iterations: int, seconds: float | None) -> None:
-        """Count `iterations` steps, or `seconds` of time where these are given."""
+
+class Progress:
+    """Counts training steps against a number of them, or against a budget of time."""
+
+    def __init__(self, iterations: int, budget: Deadline) -> None:
+        """Count `iterations` steps, or the time of a budget where that has an end."""
         self.iteration = 0
-        self.fraction = 0.0
+        self.fraction = 0.0 if iterations else 1.0
         """Share of the training that is done, 0 to 1."""
-        self._iterations, self._seconds, self._rays = iterations, seconds, 0
-        self._begun, self._error = time.perf_counter(), 0.0
+        self._iterations, self._rays, self._error = iterations, 0, 0.0
+        self._budget, self._seconds = budget, math.inf
+        self._clock = Deadline(whole=budget)
 
     @property
     def elapsed_s(self) -> float:
         """Time since the first training step ended [s]."""
-        return time.perf_counter() - self._begun
+        return self._clock.elapsed_s
 
     @property
     def psnr_db(self) -> float:
@@ -54,21 +62,33 @@ class Progress:
     @property
     def rays_per_s(self) -> float:
         """Rays learned from in a second, since the beginning."""
-        return self._rays / self.elapsed_s
+        return self._rays / max(self.elapsed_s, 1e-9)
 
     def learned(self, loss: float, rays: int) -> None:
         """After a training step with this mean squared error on so many rays.
 
-        Time counts from the end of the first one, in which kernels may be compiled.
+        Speed counts from the end of the first one, in which kernels may be compiled.
         """
         if self.iteration == 0:
-            self._begun = time.perf_counter()
+            self._clock = Deadline(whole=self._budget)
+            self.reserve(_EVALUATION * self._budget.seconds)
         else:
             self._rays += rays
         self._error = loss if self.iteration == 0 else _FORGET * self._error + (1 - _FORGET) * loss
         self.iteration += 1
-        done = self.iteration / self._iterations if self._seconds is None else self.elapsed_s / self._seconds
+        done = self.elapsed_s / self._seconds if self.has_budget else self.iteration / self._iterations
         self.fraction = min(1.0, done)
+
+    @property
+    def has_budget(self) -> bool:
+        """Check that time ends the training."""
+        return math.isfinite(self._budget.seconds)
+
+    def reserve(self, seconds: float) -> None:
+        """Keep so much of the budget for the evaluation [s]; without a budget, nothing changes."""
+        if self.has_budget:
+            more = max(self._budget.left_s - seconds, _LEAST * self._budget.seconds)
+            self._seconds = self.elapsed_s + more
 
     def step(self) -> TrainStep:
         """Make a step before the last."""

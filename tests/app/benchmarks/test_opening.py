@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav_app.benchmarks import opening
 from nerfnav_app.benchmarks.house import write_house
 from nerfnav_app.cli.main import BAD_INPUT, main
@@ -22,7 +23,20 @@ def test_the_house_is_furnished_and_20_m_long(tmp_path: Path) -> None:
     assert (tmp_path / "again.glb").read_bytes() == (tmp_path / "house.glb").read_bytes()
 
 
-def test_files_that_are_no_meshes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_known_files_of_a_folder_are_timed_after_the_house(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def measure(file: Path | None, seconds: float) -> dict[str, dict[str, float]]:
+        return {"house.glb" if file is None else file.name: {"shown": seconds}}
+
+    monkeypatch.setattr(opening, "measure", measure)
+    with pytest.raises(InvalidInputError, match=r"holds none of warehouse\.glb, redkitchen"):
+        result_of(run(OpeningRequest("open", data=tmp_path)))
+    (tmp_path / "fox").mkdir()
+    (tmp_path / "warehouse.glb").touch()
+    rows = result_of(run(OpeningRequest("open", data=tmp_path))).summary["open"]
+    assert list(rows) == ["house.glb", "warehouse.glb", "fox"]
+
+
+def test_files_that_cannot_be_timed_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "words.glb").write_text("words")
     for words in ([str(tmp_path / "missing.glb")], [str(tmp_path)], ["--color-s", "0"]):
         assert main(["bench", "open", *words]) == BAD_INPUT

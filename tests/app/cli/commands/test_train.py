@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav.core.jit import count_cores, default_threads
 from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav_app.cli.main import main, parse
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.field.request import TrainRequest
 from tests.importers.captures.synthetic import changed, write_transforms
 
 Capture = pytest.CaptureFixture[str]
@@ -49,6 +52,25 @@ def test_two_picked_points_and_a_distance_are_seven_numbers_and_a_box_is_six() -
 def test_what_no_placement_can_be_is_refused(words: list[str], message: str) -> None:
     with pytest.raises(NerfnavError, match=message):
         placement(*words)
+
+
+@pytest.mark.parametrize(("words", "expected"), [([], count_cores()), (["--threads", "1"], 1)])
+def test_training_takes_all_cores_or_as_many_threads_as_it_is_given(
+    words: list[str], expected: int, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    def count_threads(request: TrainRequest) -> JobEvents:
+        yield Progress("training", 0.5)
+        return JobResult({"threads": default_threads()})
+
+    before = default_threads()
+    monkeypatch.setattr("nerfnav_app.cli.commands.train.run_job", count_threads)
+    assert main(["train", "blocks", "--out", "f.npz", "--json", *words]) == 0
+    assert json.loads(capsys.readouterr().out)["threads"] == expected and default_threads() == before
+
+
+@pytest.mark.parametrize("threads", ["0", "-1", "1000000"])
+def test_threads_that_there_are_not_are_refused(threads: str, capsys: Capture) -> None:
+    assert "threads must be a" in refused(["train", "blocks", "--out", "f.npz", "--threads", threads], capsys)
 
 
 def refused(words: list[str], capture: Capture) -> str:

@@ -173,7 +173,8 @@ def test_an_archive_may_not_name_photographs_of_others(tmp_path: Path) -> None:
 
 
 def test_an_upload_is_learned_within_its_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(BUDGETS_S, USUAL, 0.5)
+    for quality in ("draft", USUAL):
+        monkeypatch.setitem(BUDGETS_S, quality, 0.5)
     result_of(adopt.run(zipped(write_transforms(tmp_path / "room")), tmp_path / "room.npz"))
     assert load_field(tmp_path / "room.npz").info.images == 7
 

@@ -1,0 +1,111 @@
+"""A capture becomes a draft to plan in at once, which is trained on while nothing else runs."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from nerfnav.core.kernel_cache import cache_folder
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.storage.checkpoint import load_field
+from nerfnav.field.train.grid_learner import GridLearner
+from nerfnav_app.jobs.events import SurfaceShaped
+from nerfnav_app.jobs.field import captures, drafts, train
+from nerfnav_app.jobs.open import make_field
+from nerfnav_app.jobs.open.opening import run
+from nerfnav_app.places.sources import BUDGETS_S
+from nerfnav_app.queries.better_field import BetterFieldQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.session import Session
+from tests.app.following import result_of
+from tests.app.sessions import after, reports
+from tests.clock import Clock
+from tests.importers.captures.synthetic import write_transforms
+from tests.importers.captures.test_depths import write_depths
+
+
+@pytest.fixture(autouse=True)
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache_folder().parents[1]))  # where kernels are compiled already
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(captures, "NODES", 4000)
+    monkeypatch.setattr(train, "OUTSIDE_NODES", 32)
+    for quality in BUDGETS_S:
+        monkeypatch.setitem(BUDGETS_S, quality, 0.3)
+
+
+def test_depth_is_fused_and_not_learned_from_at_first(tmp_path: Path) -> None:
+    out = tmp_path / "room.npz"
+    result_of(make_field.run(write_depths(tmp_path / "room"), out))
+    fused = load_field(out)
+    assert isinstance(fused, VoxelField) and fused.unknown is not None
+    assert (fused.info.made_by, fused.info.iterations, fused.info.proven_from) == ("fused", 0, "depth")
+    assert fused.info.noise_std is not None and fused.info.images == 7
+    assert fused.density(fused.box.lower.new_zeros(1, 3)).item() < 1, "the middle of the sphere is free"
+
+
+def test_pictures_alone_give_a_short_training(tmp_path: Path) -> None:
+    room, out = write_transforms(tmp_path / "room"), tmp_path / "room.npz"
+    result_of(make_field.run(room, out))
+    draft = load_field(out)
+    assert draft.info.made_by == "draft" and draft.info.iterations > 0
+    result_of(make_field.run(room, out, "draft"))
+    assert load_field(out).info.made_by == "trained", "a draft that was asked for stays"
+
+
+def opened(source: Path) -> Session:
+    """A session in which a capture was opened, without what follows its surface."""
+    session = Session.opening(str(source))
+    for event in run(session.what):
+        session = reports(session, event)
+        if isinstance(event, SurfaceShaped):
+            return replace(session, seeking=False, surface_is_rough=False)
+    raise AssertionError("nothing was opened")
+
+
+@pytest.mark.parametrize("write", [write_depths, write_transforms])
+def test_a_draft_is_replaced_by_a_trained_field_between_plans(
+    write: Callable[[Path], Path], tmp_path: Path
+) -> None:
+    session = opened(write(tmp_path / "room"))
+    ends, steps = session.ends, 0
+    assert not list(BetterFieldQuery.pending(replace(session, surface_is_rough=True))), "the texture comes first"
+    while pending := list(BetterFieldQuery.pending(session)):
+        (query,) = pending
+        assert session.place is not None
+        session = after(session, m.QueryAnswered(query, query.answer(Resources(session.place))))
+        steps += 1
+    place = session.place
+    assert place is not None and place.file is not None and steps > 3
+    assert place.field.info.made_by == "trained" and place.field.info.iterations > 0
+    assert load_field(place.file).info.created == place.field.info.created
+    assert session.ends == ends and session.surface_is_rough
+    assert "all pictures of the capture" in session.notices[-1].body
+
+
+def test_plans_come_before_the_trained_field(tmp_path: Path) -> None:
+    session = opened(write_depths(tmp_path / "room"))
+    assert not list(BetterFieldQuery.pending(after(session, m.StartPlan())))
+
+
+def test_a_draft_without_its_capture_stays(tmp_path: Path) -> None:
+    session = opened(write_depths(tmp_path / "room"))
+    assert session.place is not None and session.place.file is not None
+    assert list(BetterFieldQuery.pending(session))
+    alone = replace(session, what=str(session.place.file))
+    moved = replace(session, place=replace(session.place, file=tmp_path / "other" / "room.npz"))
+    assert not list(BetterFieldQuery.pending(alone)) and not list(BetterFieldQuery.pending(moved))
+
+
+def test_a_budget_runs_while_steps_are_computed_and_not_between_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, seconds = Clock(monkeypatch), 100.0
+    clock.slow(train, "gather", lambda *_: 10.0)
+    clock.slow(GridLearner, "step", lambda *_: 1.0)
+    for _ in drafts.refine(write_depths(tmp_path / "room"), tmp_path / "room.npz", "good", seconds):
+        clock.now += 50.0
+    field = load_field(tmp_path / "room.npz")
+    assert 50 < field.info.iterations < 100 and clock.now > 10 * seconds
