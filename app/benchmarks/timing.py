@@ -63,7 +63,7 @@ def run(study: Study) -> ExperimentSteps:
     shown = ("paper_s", "reference_ms", "nerfnav_ms", "ratio", "ratio_to_paper")
     summary = {row["name"]: {name: row[name] for name in shown} for row in rows}
     figures = {"timing": partial(draw_figure, rows)}
-    return Results({"rows": summary, "paper_machine": PAPER_MACHINE}, tuple(rows), figures)
+    return Results({"rows": summary, "paper_machine": PAPER_MACHINE}, tuple(rows), figures, ("name",))
 
 
 def measure_row(arena: Arena, trial: TimingTrial) -> Row:

@@ -13,7 +13,7 @@ from nerfnav.field import TrainStep
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
 from nerfnav_app.cli.terminal import note, show
-from nerfnav_app.jobs.events import COMPILING, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.events import COMPILING, JobEvents, JobResult, Progress, Remark
 from nerfnav_app.system import TORCH_THREADS
 
 
@@ -40,6 +40,8 @@ def run_with_progress(job: JobEvents, can_stop_early: bool = False) -> JobResult
                 return end.value
             if isinstance(event, Progress):
                 bars.update(task, description=event.label, completed=event.fraction)
+            elif isinstance(event, Remark):
+                note(event.sentence)
             elif details := _details_of(event):
                 bars.update(task, details=details)
             answer = stop.asked or None

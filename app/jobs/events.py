@@ -36,6 +36,13 @@ class Progress:
 
 
 @dataclass(frozen=True)
+class Remark:
+    """Event: a sentence for the user that is no result."""
+
+    sentence: str
+
+
+@dataclass(frozen=True)
 class JobResult:
     """Return value of a job."""
 
@@ -134,8 +141,8 @@ class FrameTracked:
 
 
 JobEvent = (
-    FlightStep | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | TrajectoryRefused
-    | FrameTracked
+    FlightStep | TrainStep | Progress | Remark | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade
+    | TrajectoryRefused | FrameTracked
 )  # fmt: skip
 
 JobReport = JobEvent | JobFinished | JobFailed

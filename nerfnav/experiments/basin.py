@@ -63,7 +63,7 @@ def correct_prior(
 def run(study: Study) -> ExperimentSteps:
     """Correct a belief of every size on every flight."""
     rows = yield from run_over_flights(study, "correcting", correct)
-    return Results(summarize(rows), tuple(rows), {"basin": partial(draw_figure, rows)})
+    return Results(summarize(rows), tuple(rows), {"basin": partial(draw_figure, rows)}, ("error_m", "error_rad"))
 
 
 def correct(arena: Arena, trial: Trial) -> list[Row]:

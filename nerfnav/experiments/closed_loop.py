@@ -40,7 +40,7 @@ def run(study: Study) -> ExperimentSteps:
     robot = study.flights.robot
     why = "its robot is no quadrotor" if robot is None else f"its robot moves otherwise than {load(robot).name} does"
     note = {"left_out": dict.fromkeys(left, why)} if left else {}
-    return Results(summarize(flights) | note, rows, {"flights": partial(draw_figure, flights)})
+    return Results(summarize(flights) | note, rows, {"flights": partial(draw_figure, flights)}, ("ends", "state"))
 
 
 def trials_of(study: Study) -> list[FlightTrial]:

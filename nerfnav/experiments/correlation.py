@@ -67,7 +67,7 @@ def run(study: Study) -> ExperimentSteps:
     trials = [PlanTrial(task) for task in study.first(study.tasks, "tasks")]
     tables = yield from run_trials(study, "watching plans", observe_plan, trials)
     rows = tuple(row for table in tables for row in table)
-    return Results(summarize(rows), rows, {"correlation": partial(draw_figure, rows)})
+    return Results(summarize(rows), rows, {"correlation": partial(draw_figure, rows)}, sample=measures_of(rows))
 
 
 def observe_plan(arena: Arena, item: PlanTrial) -> list[Row]:
@@ -123,14 +123,23 @@ _FEWEST = 4
 """Fewest observed iterations before the plan is free that give a correlation."""
 
 
+def measures_of(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """Measures of each plan; no correlation (None) for one that is free from the start, or too soon."""
+    measures = []
+    for name, plan in zip(_names(rows), _plans(rows), strict=True):
+        part = plan[: _first_free(plan) + 1]
+        correlated = bool(plan[:, 1].max() > 0) and len(part) >= _FEWEST
+        spearman = _spearman(part) if correlated else None
+        measures.append({"task": name, "spearman": spearman, "final_overlap_m4": float(plan[-1, 1])})
+    return tuple(measures)
+
+
 def summarize(rows: Sequence[Row]) -> Row:
     """The correlations, and what is left of the overlap."""
-    plans = [
-        np.array([(row["loss"], row["overlap_m4"]) for row in rows if row["task"] == name]) for name in _names(rows)
-    ]
+    plans = _plans(rows)
     hit = [plan for plan in plans if plan[:, 1].max() > 0]
     until_free = [plan[: _first_free(plan) + 1] for plan in hit]
-    each = [_spearman(part) for part in until_free if len(part) >= _FEWEST]
+    each = [plan["spearman"] for plan in measures_of(rows) if plan["spearman"] is not None]
     return {
         "plans": len(plans),
         "plans_that_touched": len(hit),
@@ -165,6 +174,13 @@ def draw_figure(rows: Sequence[Row]) -> Figure:
 
 def _names(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(row["task"] for row in rows))
+
+
+def _plans(rows: Sequence[Row]) -> list[np.ndarray]:
+    """Observations (loss, overlap) of each plan."""
+    return [
+        np.array([(row["loss"], row["overlap_m4"]) for row in rows if row["task"] == name]) for name in _names(rows)
+    ]
 
 
 def _first_free(plan: np.ndarray) -> int:

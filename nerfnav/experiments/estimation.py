@@ -46,7 +46,7 @@ _FIRST = StateNoise.isotropic(0.01**2)  # standard deviations of the first belie
 def run(study: Study) -> ExperimentSteps:
     """Fly and estimate; the table has a line for each trial, method and time step."""
     rows = yield from run_over_flights(study, "estimating", follow)
-    return Results(summarize(rows), tuple(rows), {"estimation": partial(draw_figure, rows)})
+    return Results(summarize(rows), tuple(rows), {"estimation": partial(draw_figure, rows)}, ("method",))
 
 
 def follow(arena: Arena, trial: Trial) -> list[Row]:

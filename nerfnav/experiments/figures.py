@@ -1,7 +1,12 @@
-"""Figures of results, drawn without a screen."""
+"""Figures of results, drawn without a screen.
 
+Colours are those of Okabe and Ito ("Color universal design", 2008), which the colour-blind tell apart. Each goes with a
+line style and a hatch, so that prints in grey can be read.
+"""
+
+import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -13,14 +18,18 @@ if TYPE_CHECKING:
 else:
     Axes = Figure = Any  # matplotlib is an extra, and slow to import
 
-COLORS = ("#2a7f9e", "#d98c3f", "#8a5a9e", "#5c8a4a", "#b0494d")
+COLORS = ("#0072b2", "#e69f00", "#cc79a7", "#009e73", "#d55e00")
 """One for each contender, in their order."""
+_DASHES = {"#e69f00": "--", "#cc79a7": "-.", "#009e73": ":", "#d55e00": (0, (5, 1, 1, 1, 1, 1))}
+_HATCHES = {"#e69f00": "//", "#cc79a7": "..", "#009e73": "xx", "#d55e00": "--"}
+_DPI, _HAIRLINE = 200, 1.0
+"""Pixels an inch of figures, and width [pt] under which lines stay solid."""
 
 
 def panels(titles: Sequence[str], height: float = 3.4) -> tuple[Figure, list[Axes]]:
     """Make a figure with one set of axes for each title, side by side. Raises MissingExtraError without matplotlib."""
     drawing = import_extra("matplotlib.figure", "experiments", "drawing a figure")
-    figure = drawing.Figure(figsize=(3.8 * len(titles), height), dpi=150, layout="constrained")
+    figure = drawing.Figure(figsize=(3.8 * len(titles), height), dpi=_DPI, layout="constrained")
     row = figure.subplots(1, len(titles), squeeze=False)[0]
     for axes, title in zip(row, titles, strict=True):
         axes.set_title(title, fontsize=10)
@@ -53,3 +62,28 @@ def draw_distribution(axes: Axes, values: Sequence[float], color: str, label: st
     """Draw the distribution function of some values; nothing where there are none."""
     if values:
         axes.step(np.sort(values), np.arange(1, len(values) + 1) / len(values), where="post", color=color, label=label)
+
+
+def file_of(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
+    """Encode a figure for screen and print, with equal bytes for equal figures."""
+    drawing, stream = import_extra("matplotlib", "experiments", "drawing a figure"), io.BytesIO()
+    _distinguish_in_grey(figure)
+    with drawing.rc_context({"svg.hashsalt": "nerfnav"}):
+        figure.savefig(stream, format=kind, metadata={"Date": None} if kind == "svg" else None)
+    return stream.getvalue()
+
+
+def _distinguish_in_grey(figure: Figure) -> None:
+    """Give the solid lines and the bars of each colour, but hairlines, a style and a hatch of their own."""
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        for line in [*axes.lines, *(legend.get_lines() if legend is not None else ())]:
+            if line.get_linestyle() == "-" and line.get_linewidth() >= _HAIRLINE:
+                line.set_linestyle(_DASHES.get(str(line.get_color()), "-"))
+        for bar in axes.patches:
+            bar.set_hatch(_HATCHES.get(_hex(bar.get_facecolor()), ""))
+            bar.set_edgecolor("white")
+
+
+def _hex(color: Any) -> str:
+    return "#" + "".join(f"{round(255 * part):02x}" for part in color[:3])

@@ -132,7 +132,8 @@ def run(study: Study) -> ExperimentSteps:
     rows, paths = tuple(row for row, _ in done), [path for _, path in done]
     walls = outlines(study.open_arena(), rows[0]["height_m"]) if rows else np.empty((0, 2, 2))
     summary = {**summarize(rows), "refused": len(answers) - len(done)}
-    return Results(summary, rows, {"ground_robots": partial(draw_figure, rows, paths, walls)})
+    figures = {"ground_robots": partial(draw_figure, rows, paths, walls)}
+    return Results(summary, rows, figures, ("robot", "heading_held"))
 
 
 def summarize(rows: Sequence[Row]) -> Row:

@@ -95,7 +95,7 @@ def run(study: Study) -> ExperimentSteps:
     ]
     rows = yield from run_trials(study, "planning", fly, flights)
     note = {"left_out": left_out} if left_out else {}
-    return Results(summarize(rows) | note, tuple(rows), {"planners": partial(draw_figure, rows)})
+    return Results(summarize(rows) | note, tuple(rows), {"planners": partial(draw_figure, rows)}, ("planner",))
 
 
 def fly(arena: Arena, flight: Flight) -> Row:

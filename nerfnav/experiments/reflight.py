@@ -248,7 +248,7 @@ def run(study: Study) -> ExperimentSteps:
         tasks = [task for task in where.tasks if task.robot == ROBOT.name]
         answers = yield from run_trials(where, "flying again", fly_exports, where.first(tasks, "tasks of a quadrotor"))
         rows += [row for answer in answers for row in answer]
-    return Results(summarize(rows), tuple(rows), {"reflight": partial(draw_figure, rows)})
+    return Results(summarize(rows), tuple(rows), {"reflight": partial(draw_figure, rows)}, ("vehicle",))
 
 
 def fly_exports(arena: Arena, task: Task) -> list[Row]:

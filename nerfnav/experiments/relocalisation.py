@@ -57,7 +57,7 @@ def run(study: Study) -> ExperimentSteps:
         for index in range(number)
     ]
     rows = yield from run_trials(study, "searching", search, trials)
-    return Results(summarize(rows), tuple(rows), {"relocalisation": partial(draw_figure, rows)})
+    return Results(summarize(rows), tuple(rows), {"relocalisation": partial(draw_figure, rows)}, ("kind",))
 
 
 def search(arena: Arena, lost: LostCamera) -> Row:

@@ -59,7 +59,7 @@ def run(study: Study) -> ExperimentSteps:
     summary |= {"together": summarize(rows)} | ({"left_out": left_out} if left_out else {})
     arenas = [where.open_arena() for where in (study, *study.beside)]
     figures = {f"replanning_{here.scene.name}": partial(draw_figure, here, found[here.scene.name]) for here in arenas}
-    return Results(summary, rows, figures)
+    return Results(summary, rows, figures, ("place", "loop"))
 
 
 def _tasks_of(study: Study) -> tuple[Task, ...]:
@@ -177,7 +177,7 @@ def draw_figure(arena: Arena, trials: Sequence[Row]) -> Figure:
         return figure
     first = drawn[0]
     for name, color in (dict(zip(LOOPS, COLORS, strict=False)) | {"planned": "black"}).items():
-        style: dict[str, Any] = {"color": color, "linestyle": "-" if name in LOOPS else "--"}
+        style: dict[str, Any] = {"color": color, "linestyle": "-" if name in LOOPS else ":"}
         for trial in drawn if name in LOOPS else drawn[:1]:
             path, faint = np.array(trial["paths"][name]), trial is not first
             above.plot(path[:, 0], path[:, 1], linewidth=0.7 if faint else 1.6, alpha=0.4 if faint else 1.0, **style)

@@ -1,59 +1,98 @@
 """Studies: run the trials of an experiment on one core, on many, or on a cluster.
 
 An experiment is a function that takes a Study, yields its progress (TrialDone), and returns its Results. It happens in
-an Arena, a scene with its trained field. A Journal records the answers of finished trials, so that an interrupted
-experiment continues there.
+an Arena, a scene with its trained field. A Journal records the trials that have ended, so that an interrupted
+experiment continues there. A trial that raises an error has failed: it is recorded with its reason, and the others go
+on.
 
 To add one: write a file here with such a function, and name it in the app's table of experiments.
 """
 
 import json
+import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
+import msgspec
 import torch
 
-from nerfnav.core.errors import InvalidInputError, InvalidNumberError
+from nerfnav.core.errors import InvalidInputError, InvalidNumberError, MissingExtraError, NerfnavError, first_line
 from nerfnav.core.extras import import_extra
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import Figure
 from nerfnav.experiments.flight_options import FlightOptions
+from nerfnav.formats import convert_record, parse_json
 from nerfnav.world import Task
+
+
+class TrialEnd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Line of results.jsonl: a trial that has ended."""
+
+    place: str
+    """Place of the trial."""
+    setting: str
+    """Settings of a sweep, such as risk-weight=3; empty without one."""
+    work: str
+    """Label of the series that the trial belongs to."""
+    trial: int
+    """Index in that series, from 0."""
+    seed: int
+    """Seed of everything random in it."""
+    wall_s: float
+    """Wall-clock time [s]."""
+    cpu_s: float
+    """CPU time of its process [s]."""
+    failed: str | None = None
+    """Reason of a failure; None: it has an answer."""
+    answer: Any = None
+    """Answer of the trial, as JSON has it."""
 
 
 @dataclass(frozen=True)
 class Journal:
-    """A file with a line of JSON for each trial that is done."""
+    """File of JSON lines to which each trial is appended as it ends; one file for all series of an experiment."""
 
     path: Path
-    """The file; made with the first answer."""
-    about: str
-    """Other inputs of the answers: notes with other inputs are ignored."""
+    """The file; made with the first line."""
+    place: str = ""
+    """Place of the trials that are read and added."""
+    setting: str = ""
+    """Settings of their sweep."""
 
-    def answers(self, items: Sequence[Any]) -> dict[int, Any]:
-        """Recorded answers, by index of the item; an incomplete line is ignored."""
+    def drop_cut_line(self) -> bool:
+        """Remove an incomplete last line, which an interrupted process leaves. Return True where there was one."""
+        if not self.path.exists():
+            return False
+        data = self.path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        if whole == len(data):
+            return False
+        with self.path.open("r+b") as stream:
+            stream.truncate(whole)
+        return True
+
+    def ends(self, work: str) -> dict[int, TrialEnd]:
+        """Read the trials of a series that have ended, by index. Raises InvalidInputError for a damaged line."""
         if not self.path.exists():
             return {}
-        noted = {}
-        for line in self.path.read_text().splitlines():
-            try:
-                key, answer = json.loads(line)
-            except ValueError:
-                continue
-            noted[key] = answer
-        keys = [self._key(index, item) for index, item in enumerate(items)]
-        return {index: noted[key] for index, key in enumerate(keys) if key in noted}
+        found = {}
+        for number, line in enumerate(self.path.read_bytes().splitlines(), 1):
+            where = f"{self.path}, line {number},"
+            end = convert_record(parse_json(line.decode(errors="replace"), where), TrialEnd, where)
+            if (end.place, end.setting, end.work) == (self.place, self.setting, work):
+                found[end.trial] = end
+        return found
 
-    def add(self, index: int, item: Any, answer: Any) -> None:
-        """Note an answer: plain numbers, words, lists and tables of them."""
+    def add(self, end: TrialEnd) -> TrialEnd:
+        """Append a trial, and return it as it will be read. Raises OSError where it cannot be written."""
+        line = json.dumps(msgspec.structs.asdict(end)) + "\n"
         with self.path.open("a") as stream:
-            stream.write("\n" + json.dumps([self._key(index, item), answer]) + "\n")
-
-    def _key(self, index: int, item: Any) -> str:
-        return f"{self.about}: {index} {item!r}"
+            stream.write(line)
+        return convert_record(json.loads(line), TrialEnd, self.path)
 
 
 Item = TypeVar("Item")
@@ -110,6 +149,8 @@ class TrialDone:
     """Trials that are done."""
     total: int
     """Of how many."""
+    ended: tuple[TrialEnd, ...] = ()
+    """Trials that have ended since the report before."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +163,10 @@ class Results:
     """Its table, one line for each trial."""
     figures: dict[str, Callable[[], Figure]] = field(default_factory=dict)
     """Functions that draw the figures, by name; they raise MissingExtraError without matplotlib."""
+    by: tuple[str, ...] = ()
+    """Columns of the table whose values make the groups that medians and percentiles are taken over."""
+    sample: tuple[Row, ...] | None = None
+    """Lines that they are taken over; None: all of the table."""
 
 
 ExperimentSteps = Generator[TrialDone, bool | None, Results]
@@ -131,54 +176,112 @@ ExperimentSteps = Generator[TrialDone, bool | None, Results]
 def run_trials(
     study: Study, label: str, trial: Callable[[Arena, Item], Answer], items: Sequence[Item]
 ) -> Generator[TrialDone, bool | None, list[Answer]]:
-    """Do a trial with every item, in any number of processes; returns the answers in the order of the items.
+    """Do a trial with every item, in any number of processes; return the answers of those that did not fail, in the
+    order of the items.
 
     `trial` and the items travel between processes: a function of a module, and plain values. With a journal the
-    answers must be plain values too, and come back as JSON has them.
+    answers must be plain values too, and come back as JSON has them. Raises NerfnavError where a trial lacks an
+    optional dependency, OSError where the journal cannot be written.
     """
-    journal = None if study.journal is None else replace(study.journal, about=f"{study.journal.about}, {label}")
-    answers: dict[int, Answer] = {} if journal is None else journal.answers(items)
-    yield TrialDone(label, len(answers), len(items))
-    left = [index for index in range(len(items)) if index not in answers]
-    calls = [partial(_in_arena, trial, study.open_arena, items[index]) for index in left]
-    for index, answer in zip(left, _answers(study, calls), strict=True):
-        answers[index] = answer
-        if journal is not None:
-            journal.add(index, items[index], answer)
-        yield TrialDone(label, len(answers), len(items))
-    return [answers[index] for index in range(len(items))]
+    journal = study.journal
+    ends = {} if journal is None else journal.ends(label)
+    yield TrialDone(label, len(ends), len(items), tuple(ends.values()))
+    left = [index for index in range(len(items)) if index not in ends]
+    known = TrialEnd("", "", label, 0, study.seed, 0.0, 0.0)
+    if journal is not None:
+        known = msgspec.structs.replace(known, place=journal.place, setting=journal.setting)
+    for found in _ended(study, trial, items, left):
+        if found.lacks:
+            raise NerfnavError(str(found.failed))
+        end = msgspec.structs.replace(
+            known, trial=found.index, seed=getattr(items[found.index], "seed", study.seed), wall_s=found.wall_s,
+            cpu_s=found.cpu_s, failed=found.failed, answer=found.answer,
+        )  # fmt: skip
+        ends[found.index] = end if journal is None else journal.add(end)
+        yield TrialDone(label, len(ends), len(items), (ends[found.index],))
+    return [ends[index].answer for index in range(len(items)) if ends[index].failed is None]
 
 
-def _answers(study: Study, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
-    """Do the calls, and yield each answer as soon as those before it are there too."""
-    if study.ray is not None:
-        yield from _on_cluster(study.ray, study.jobs or -1, calls)
+@dataclass(frozen=True)
+class _Ended:
+    """Call of a trial that has ended; it travels between processes, where errors do not."""
+
+    index: int
+    answer: Any
+    failed: str | None
+    lacks: bool
+    """It lacks an optional dependency, as all others will."""
+    wall_s: float
+    cpu_s: float
+
+
+def _ended(
+    study: Study, trial: Callable[[Arena, Item], Answer], items: Sequence[Item], left: Sequence[int]
+) -> Iterator[_Ended]:
+    """Do a trial with the items of those indices, and yield each end as soon as it is there."""
+    do = partial(_in_arena, trial, study.open_arena)
+    if study.ray is not None and left:
+        yield from _on_cluster(study, trial, items, left)
     elif study.jobs is None or study.jobs == 1:
-        yield from (call() for call in calls)
+        yield from (do(index, items[index]) for index in left)
     else:
         joblib = import_extra("joblib", "experiments", "more than one trial at the same time")
-        yield from joblib.Parallel(n_jobs=study.jobs, return_as="generator")(joblib.delayed(call)() for call in calls)
+        parallel = joblib.Parallel(n_jobs=study.jobs, return_as="generator_unordered", batch_size=1)
+        yield from parallel(joblib.delayed(do)(index, items[index]) for index in left)
 
 
-def _on_cluster(address: str, jobs: int, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
-    """The same on a Ray cluster, `jobs` at a time, -1 for as many as it has cores."""
-    ray, joblib = (import_extra(name, "ray", "--ray") for name in ("ray", "joblib"))
-    import_extra("ray.util.joblib", "ray", "--ray").register_ray()
-    ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
+def _on_cluster(
+    study: Study, trial: Callable[[Arena, Item], Answer], items: Sequence[Item], left: Sequence[int]
+) -> Iterator[_Ended]:
+    """The same on a Ray cluster, `jobs` at a time, by default as many as it has cores.
+
+    The arena goes into the object store once. Trials of a node that is lost are done again on another one.
+    """
+    ray = import_extra("ray", "ray", "--ray")
+    ray.init(address=study.ray, ignore_reinit_error=True, log_to_driver=False)
     try:
-        with joblib.parallel_config(backend="ray"):
-            at_once = joblib.effective_n_jobs(jobs)
-            for begin in range(0, len(calls), at_once):  # Ray's backend gives its answers only all together
-                some = calls[begin : begin + at_once]
-                yield from joblib.Parallel(n_jobs=jobs)(joblib.delayed(call)() for call in some)
+        do = ray.remote(num_cpus=1, max_retries=-1)(_in_arena)
+        open_arena = _Shared(ray.put(study.open_arena()))
+        calls = (do.remote(trial, open_arena, index, items[index]) for index in left)
+        running = list(islice(calls, study.jobs or len(left)))
+        while running:
+            ended, running = ray.wait(running)
+            running += islice(calls, len(ended))
+            yield from ray.get(ended)
     finally:
         ray.shutdown()
 
 
-def _in_arena(trial: Callable[[Arena, Item], Answer], open_arena: Callable[[], Arena], item: Item) -> Answer:
+@dataclass(frozen=True)
+class _Shared:
+    """Function that gets an arena from Ray's object store, once in each process."""
+
+    reference: Any
+
+    def __call__(self) -> Arena:
+        """The arena."""
+        return _arena_of(self.reference)
+
+
+@lru_cache(maxsize=4)
+def _arena_of(reference: Any) -> Arena:
+    return import_extra("ray", "ray", "--ray").get(reference)
+
+
+def _in_arena(
+    trial: Callable[[Arena, Item], Answer], open_arena: Callable[[], Arena], index: int, item: Item
+) -> _Ended:
+    """Do one trial. Any error is its failure: a series of hours does not end with one of its trials."""
     before = torch.get_num_threads()
-    torch.set_num_threads(1)  # trials are many small operations, and there are others beside this one
+    torch.set_num_threads(1)  # trials are many small operations, and sums depend on the number of threads
+    wall, cpu = time.perf_counter(), time.process_time()
+    answer, failed, lacks = None, None, False
     try:
-        return trial(open_arena(), item)
+        answer = trial(open_arena(), item)
+    except NerfnavError as error:
+        failed, lacks = str(error), isinstance(error, MissingExtraError)
+    except Exception as error:
+        failed = f"{type(error).__name__}: {first_line(error)}"
     finally:
         torch.set_num_threads(before)
+    return _Ended(index, answer, failed, lacks, time.perf_counter() - wall, time.process_time() - cpu)

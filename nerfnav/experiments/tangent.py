@@ -78,7 +78,8 @@ def run(study: Study) -> ExperimentSteps:
     starts = [Start(seed, error) for error in ERRORS for seed in seeds]
     tables = yield from run_trials(study, "going down", compare, starts)
     rows = tuple(row for table in tables for row in table)
-    return Results(summarize(rows), rows, {"tangent": partial(draw_figure, rows)})
+    ends = tuple(row for row in rows if row["iteration"] == rows[-1]["iteration"])
+    return Results(summarize(rows), rows, {"tangent": partial(draw_figure, rows)}, ("start_rad", "method"), ends)
 
 
 def compare(arena: Arena, start: Start) -> list[Row]:

@@ -11,6 +11,8 @@ from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output, note
 from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentOptions, ExperimentRequest
 from nerfnav_app.jobs.measure.experiment import run as run_job
+from nerfnav_app.jobs.measure.series import ALL
+from nerfnav_app.jobs.measure.series import run as run_all
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,12 @@ def run(arguments: Arguments) -> None:
         jobs=arguments.jobs,
         ray=arguments.ray,
         out=arguments.out,
+        quick=arguments.quick,
+        sweep=arguments.sweep,
         flights=_options(arguments),
     )
-    finished = run_and_print(f"experiment {arguments.name}", run_job(request), arguments.json)
+    job = run_all(request) if arguments.name == ALL else run_job(request)
+    finished = run_and_print(f"experiment {arguments.name}", job, arguments.json)
     for path in finished.files:
         note(f"wrote {path}")
 
@@ -53,4 +58,5 @@ def _options(arguments: Arguments) -> FlightOptions | None:
     """Options of whole flights, those that were not given as the experiment has them; None where none was given."""
     found = {option.name: getattr(arguments, option.name) for option in fields(FlightOptions)}
     given = {name: value for name, value in found.items() if value is not None and value is not False}
-    return replace(EXPERIMENTS[arguments.name].flights or FlightOptions(), **given) if given else None
+    own = None if arguments.name == ALL else EXPERIMENTS[arguments.name].flights
+    return replace(own or FlightOptions(), **given) if given else None

@@ -19,14 +19,14 @@ from nerfnav.core.errors import require_positive
 from nerfnav.core.extras import import_extra
 from nerfnav.core.jit import count_cores, default_threads
 from nerfnav.experiments import Arena
-from nerfnav.experiments.figures import COLORS, panels
+from nerfnav.experiments.figures import COLORS, file_of, panels
 from nerfnav.importers.captures.formats import read_views
 from nerfnav_app.benchmarks.comparison import Comparison
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.field.train import config_for, learn_voxels
 from nerfnav_app.jobs.field.training_data import TrainRequest, gather
 from nerfnav_app.jobs.measure.arena import open_arena
-from nerfnav_app.jobs.measure.results import png_of, table_text
+from nerfnav_app.jobs.measure.results import table_text
 from nerfnav_app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
 
 if TYPE_CHECKING:
@@ -119,10 +119,11 @@ def save_bench(folder: Path, summary: dict[str, Any], arena: Arena, find: Finder
     if rows := [{"name": name, **{key: summary[name][key] for key in shared}} for name in measured]:
         files.append(write_text(folder / "bench.csv", table_text(rows)))
     if rows := summary.get("training"):
-        files.append(write_bytes(folder / "training.png", png_of(picture(rows, summary["cores"]))))
+        files.append(write_bytes(folder / "training.png", file_of(picture(rows, summary["cores"]), "png")))
     if (scaling := find("scaling")) is not None:
         options = QUICK["scaling"] if summary["quick"] else {}
-        files.append(write_bytes(folder / "scaling.png", png_of(scaling.picture(scaling.measure(arena, **options)))))
+        drawn = scaling.picture(scaling.measure(arena, **options))
+        files.append(write_bytes(folder / "scaling.png", file_of(drawn, "png")))
     return tuple(files)
 
 

@@ -18,7 +18,9 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
     summary = json.loads(out.splitlines()[-1])
     assert set(summary) == {"nerfnav", "minsnap", "rrt"}
     assert summary["nerfnav"]["failures"] == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "planners.csv", "planners.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "manifest.json", "results.jsonl", "results.json", "planners.csv", "planners.png", "planners.svg", "table.md",
+    }  # fmt: skip
     assert json.loads((tmp_path / "results.json").read_text())["summary"] == summary
     assert "results.json" in err
 
@@ -37,6 +39,13 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
         (["experiment", "nothing", "--truth"], "there is no experiment named 'nothing'"),
         (["experiment", "timing", "--jobs", "2"], "drop --jobs"),
         (["experiment", "timing", "--fly-on"], "takes no options of whole flights"),
+        (["experiment", "all"], "name it with --out"),
+        (["experiment", "all", "--truth", "--out", "all"], "name one to sweep, or to change flights"),
+        (["experiment", "planners", "--quick", "--trials", "2"], "drop it, or drop --trials"),
+        (["experiment", "planners", "--sweep", "sed=1"], "--sweep has no setting 'sed', the nearest is seed"),
+        (["experiment", "planners", "--sweep", "world=paper"], "takes no options of whole flights, only flights"),
+        (["experiment", "flights", "--sweep", "seed=1", "--sweep", "seed=2"], "--sweep has seed twice"),
+        (["experiment", "flights", "--sweep", "risk-weight=-1", "seed=2"], "must be a number, at least 0"),
         (["bench", "--place", "nowhere"], "'nowhere'"),
     ],
 )
