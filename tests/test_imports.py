@@ -57,6 +57,15 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("gauss_newton",),
         ("calibration", "estimators"),
     ),
+    "nerfnav.experiments": (
+        ("arena", "field_geometry", "figures", "flight_options"),
+        ("closed_loop_flight", "free_space_accuracy", "study"),
+        ("correlation", "disturbed_flights", "ground_robots", "map_error", "planners", "relocalisation", "tangent"),
+        ("basin", "estimation", "reflight"),
+        ("closed_loop",),
+        ("replanning",),
+        ("rivals",),
+    ),
     "nerfnav.field": (
         ("core",),
         ("kernels",),

@@ -38,7 +38,7 @@ def test_the_page_of_commands_has_every_command() -> None:
     commands = commands_in(PAGES["docs/command_line.md"])
     assert {words[0] for words in commands if words and not words[0].startswith("-")} == {
         "scenes", "plan", "fly", "export", "train", "import", "bake", "info", "map", "place", "open", "localize",
-        "track", "live", "experiment", "bench", "serve", "doctor", "calibrate",
+        "track", "live", "experiment", "report", "bench", "serve", "doctor", "calibrate",
     }  # fmt: skip
 
 

@@ -44,6 +44,7 @@ COMMANDS = {
     "export": "write the trajectory of a plan or a flight in another format",
     "map": "write what planners take for free, solid or unproven, for other programs",
     "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",
+    "report": "write one page of what experiments have measured: tables, figures, flights",
     "bench": "time nerfnav against the paper's way on this machine",
     "doctor": "check this machine: threads, GPU, kernels, browser, LieTorch",
 }

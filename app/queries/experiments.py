@@ -1,8 +1,11 @@
 """Query for the experiments, their results, and the content of one result."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from nerfnav.core.errors import NerfnavError
+from nerfnav.core.steps import run_steps
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.experiment_store import ExperimentResult, ExperimentStore
@@ -19,6 +22,8 @@ class Experiments:
     """Folders of results, the newest first."""
     result: ExperimentResult | None = field(default=None, compare=False)
     """The result that was asked for."""
+    report: bytes | None = field(default=None, compare=False)
+    """Its report, a page of HTML; None where its folder cannot be read."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -46,7 +51,13 @@ class ExperimentsQuery(Query[Experiments]):
         """List the experiments and the folder of results."""
         # slow to import, with its figures
         from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+        from nerfnav_app.jobs.measure.report import make_page, read_sections
 
         store = ExperimentStore((resources.runs or RunStore()).folder)
         known = tuple((name, experiment.purpose) for name, experiment in EXPERIMENTS.items())
-        return Experiments(known, store.names(), None if self.show is None else store.result(self.show))
+        result, report = None if self.show is None else store.result(self.show), None
+        if result is not None:
+            with suppress(NerfnavError):
+                folder = store.folder / result.name
+                report = make_page(folder, run_steps(read_sections(folder)))
+        return Experiments(known, store.names(), result, report)

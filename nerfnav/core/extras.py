@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+from importlib import metadata
 from typing import Any
 
 from nerfnav.core.errors import MissingExtraError
@@ -22,3 +23,11 @@ def require_extra(module: str, extra: str, user: str) -> None:
     """Raise MissingExtraError, as `import_extra` does, where a module is not installed; it is not imported."""
     if importlib.util.find_spec(module) is None:
         raise MissingExtraError(user, module.partition(".")[0], extra)
+
+
+def installed_version(distribution: str) -> str | None:
+    """The version of a distribution that a person may have installed; None where it is not."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None

@@ -11,6 +11,7 @@ from .free_space_accuracy import measure_unproven_share as measure_unproven_shar
 from .free_space_accuracy import note_free_space as note_free_space
 from .study import ExperimentSteps as ExperimentSteps
 from .study import Journal as Journal
+from .study import Replay as Replay
 from .study import Results as Results
 from .study import Row as Row
 from .study import Study as Study

@@ -22,9 +22,10 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.closed_loop_flight import FlightTrial, find_task, fly_problem, make_problem
 from nerfnav.experiments.estimation import errors_of
 from nerfnav.experiments.figures import COLORS, Figure, draw_distribution, panels
-from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
+from nerfnav.experiments.study import ExperimentSteps, Replay, Results, Row, Study, run_trials
+from nerfnav.export import Recording
 from nerfnav.navigation import EpisodeOutcome, NavigateConfig, NavigationStep, SupervisorState, is_silent
-from nerfnav.robots import Quadrotor, RigidState, load
+from nerfnav.robots import Quadrotor, RigidState, Robot, load
 from nerfnav.world import Task
 
 _TRIALS = 100
@@ -40,7 +41,8 @@ def run(study: Study) -> ExperimentSteps:
     robot = study.flights.robot
     why = "its robot is no quadrotor" if robot is None else f"its robot moves otherwise than {load(robot).name} does"
     note = {"left_out": dict.fromkeys(left, why)} if left else {}
-    return Results(summarize(flights) | note, rows, {"flights": partial(draw_figure, flights)}, ("ends", "state"))
+    figures = {"flights": partial(draw_figure, flights)}
+    return Results(summarize(flights) | note, rows, figures, ("ends", "state"), replays=_replays(study))
 
 
 def trials_of(study: Study) -> list[FlightTrial]:
@@ -80,6 +82,27 @@ def tasks_of(study: Study) -> list[Task]:
         kind = type(load(flights.robot))
         return [task for task in study.tasks if type(load(task.robot)) is kind]
     return [task for task in study.tasks if flights.world == "paper" or task.robot == Quadrotor().name]
+
+
+def _replays(study: Study) -> dict[str, Replay]:
+    """The first flight of each kind of ends and state."""
+    arena, found = study.open_arena(), {}
+    for trial in trials_of(study):
+        name = f"{'random' if trial.task is None else 'tasks'}_{'known' if trial.known else 'camera'}"
+        found.setdefault(name, Replay(arena.scene.name, partial(record, arena, trial)))
+    return found
+
+
+def record(arena: Arena, trial: FlightTrial) -> Recording | None:
+    """Fly a trial and record it; None where it does not begin."""
+    task = find_task(arena, trial)
+    problem = make_problem(arena, task, trial)
+    return record_flight(arena, task, problem.robot, fly_problem(arena, problem, trial))
+
+
+def record_flight(arena: Arena, task: Task, robot: Robot, flown: Sequence[NavigationStep]) -> Recording | None:
+    """Recording of the time steps of a flight; None where there are none."""
+    return Recording.of_flight(flown, robot, f"{arena.scene.name}, {task.name}") if flown else None
 
 
 def fly(arena: Arena, trial: FlightTrial) -> Row:

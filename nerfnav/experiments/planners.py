@@ -65,11 +65,11 @@ def _maps(arena: Arena) -> tuple[OccupancyMap, BallCheck]:
 
 _STEPS, _DT = 20, 0.1
 """Length of a flight: 2 s, as in the paper."""
-_ARRIVED = 0.1
+ARRIVED = 0.1
 """Largest distance from the goal at the end of a flight [m]: one body."""
 _SAMPLES = 10
 """Densities taken along each body point's path through a step to measure a collision cost, about 1 cm apart."""
-_NO_PLAN = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
+NO_PLAN = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _row(arena: Arena, flight: Flight, plan: PlanResult, plan_ms: float) -> Row:
         "task": flight.task.name,
         "planner": flight.planner,
         "outcome": plan.outcome.name.lower(),
-        "failed": touched or plan.outcome in _NO_PLAN or missed_m > _ARRIVED,
+        "failed": touched or plan.outcome in NO_PLAN or missed_m > ARRIVED,
         "touched": touched,
         "max_overlap_m3": report.max_overlap_m3,
         "goal_missed_by_m": missed_m,

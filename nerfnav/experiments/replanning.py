@@ -25,11 +25,12 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.closed_loop import outcome_by_truth, quantile, trials_of, wilson
+from nerfnav.experiments.closed_loop import outcome_by_truth, quantile, record_flight, trials_of, wilson
 from nerfnav.experiments.closed_loop_flight import FlightTrial, find_task, fly_problem, make_problem
 from nerfnav.experiments.figures import COLORS, Axes, Figure, panels
 from nerfnav.experiments.ground_robots import outlines
-from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
+from nerfnav.experiments.study import ExperimentSteps, Replay, Results, Row, Study, run_trials
+from nerfnav.export import Recording
 from nerfnav.navigation import NavigateConfig, NavigationStep
 from nerfnav.planner import CostWeights, PlanProblem, TermContext, terms
 from nerfnav.planner.terms.term import evaluate
@@ -59,7 +60,9 @@ def run(study: Study) -> ExperimentSteps:
     summary |= {"together": summarize(rows)} | ({"left_out": left_out} if left_out else {})
     arenas = [where.open_arena() for where in (study, *study.beside)]
     figures = {f"replanning_{here.scene.name}": partial(draw_figure, here, found[here.scene.name]) for here in arenas}
-    return Results(summary, rows, figures, ("place", "loop"))
+    first, here = trials_of(replace(study, tasks=_tasks_of(study)))[0], arenas[0]
+    replays = {f"{loop}_loop": Replay(here.scene.name, partial(record, here, first, loop)) for loop in LOOPS}
+    return Results(summary, rows, figures, ("place", "loop"), replays=replays)
 
 
 def _tasks_of(study: Study) -> tuple[Task, ...]:
@@ -84,6 +87,13 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
         "paths": {name: motion.states.position.tolist() for name, motion in motions.items()},
         "plans": [cost(step.plan) for step in flown["closed"]] if motions else [],
     }  # fmt: skip
+
+
+def record(arena: Arena, trial: FlightTrial, loop: str) -> Recording | None:
+    """Fly a trial again and record one of its ways; None where it does not begin."""
+    task = find_task(arena, trial)
+    problem = make_problem(arena, task, trial)
+    return record_flight(arena, task, problem.robot, fly_both(arena, problem, trial)[loop])
 
 
 def fly_both(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> dict[str, list[NavigationStep]]:

@@ -25,6 +25,7 @@ from nerfnav.core.extras import import_extra
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import Figure
 from nerfnav.experiments.flight_options import FlightOptions
+from nerfnav.export import Recording
 from nerfnav.formats import convert_record, parse_json
 from nerfnav.world import Task
 
@@ -154,6 +155,16 @@ class TrialDone:
 
 
 @dataclass(frozen=True)
+class Replay:
+    """Flight of an experiment that can be watched."""
+
+    place: str
+    """Name of its scene."""
+    record: Callable[[], Recording | None]
+    """Flies it again by its seed; None where it does not begin."""
+
+
+@dataclass(frozen=True)
 class Results:
     """Results of an experiment."""
 
@@ -167,6 +178,8 @@ class Results:
     """Columns of the table whose values make the groups that medians and percentiles are taken over."""
     sample: tuple[Row, ...] | None = None
     """Lines that they are taken over; None: all of the table."""
+    replays: dict[str, Replay] = field(default_factory=dict)
+    """One flight of each kind, by name."""
 
 
 ExperimentSteps = Generator[TrialDone, bool | None, Results]

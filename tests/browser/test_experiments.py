@@ -70,6 +70,11 @@ def test_an_experiment_is_done_and_its_results_are_shown_and_kept(
     tab.until(lambda: has_result(app), "there is no result")
     tab.until(lambda: tab.says("failures"), "the numbers are not shown")
     tab.until(lambda: tab.page.evaluate(_FIGURE), "the figure is not shown")
+    with tab.page.expect_download() as download:
+        tab.press("experiments.report")
+    assert download.value.suggested_filename == "2026-01-02-030405-planners.html"
+    report = Path(download.value.path()).read_text()
+    assert "failures" in report and "data:image/png" in report
     tab.load()
     tab.turn_to("Experiments")
     tab.until(lambda: tab.says("2026-01-02-030405-planners"), "a reload has lost the result")

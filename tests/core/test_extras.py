@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import MissingExtraError
-from nerfnav.core.extras import import_extra
+from nerfnav.core.extras import import_extra, installed_version
 from nerfnav.experiments import planners
 from nerfnav.experiments.figures import panels
 from nerfnav.experiments.reflight import Setpoint, Track, fly_crazyflie, fly_quick
@@ -135,3 +135,8 @@ def test_planners_are_compared_without_the_one_that_is_missing(hide: Callable[[s
 
 def test_what_is_installed_is_given() -> None:
     assert import_extra("json", "none", "this test").dumps([]) == "[]"
+
+
+def test_the_version_of_a_distribution_is_known_where_it_is_installed() -> None:
+    assert installed_version("numpy") == np.__version__
+    assert installed_version("no-such-distribution-anywhere") is None

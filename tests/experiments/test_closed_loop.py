@@ -185,6 +185,10 @@ def test_flights_by_camera_and_with_the_truth_fill_one_table() -> None:
     ]  # fmt: skip
     assert len({tuple(row) for row in results.rows}) == 1
     assert results.summary["truth_reached"] == 2
+    assert results.replays.keys() == {"tasks_camera", "tasks_known", "random_camera", "random_known"}
+    recording = results.replays["random_known"].record()
+    assert recording is not None and recording.title == "column, random 1"
+    assert len(recording.steps) == results.rows[3]["steps"] + 1, "it is the flight of the table"
 
 
 def test_a_task_of_another_robot_is_driven_on_the_floor_and_refused_above_a_hole() -> None:

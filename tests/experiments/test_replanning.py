@@ -22,6 +22,7 @@ from nerfnav.experiments.replanning import (
     executed,
     fly,
     fly_both,
+    record,
     run,
     summarize,
 )
@@ -57,6 +58,16 @@ def test_both_loops_fly_the_same_plan_in_the_same_noise() -> None:
     assert steps >= 15 and torch.allclose(closed[:steps], blind[:steps], atol=1e-4)
     assert torch.equal(executed(flown["open"]).actions, plans[0].actions), "no plan but the first is flown"
     assert (flown["open"][-1].belief.mean.position - problem.goal.position).norm() < 0.01, "it believes to have arrived"
+
+
+@pytest.mark.slow
+def test_a_replay_is_the_flight_of_the_table() -> None:
+    trial = FlightTrial(TASKS[1], 3, known=True, fly_on=True)
+    flown = fly_both(column(), make_problem(column(), TASKS[1], trial), trial)
+    for loop in LOOPS:
+        recording = record(column(), trial, loop)
+        assert recording is not None and recording.title == "column, Along the wall"
+        assert torch.equal(recording.position, torch.stack([step.truth.position for step in flown[loop]]))
 
 
 @pytest.mark.slow
@@ -110,6 +121,8 @@ def test_a_study_in_several_places_counts_each_and_all_together(monkeypatch: pyt
     counts = {name: found["open"]["trials"] for name, found in results.summary["places"].items()}
     assert counts == {"column": 3, "annex": 1} and results.summary["together"]["open"]["trials"] == 4
     assert results.figures.keys() == {"replanning_column", "replanning_annex"}
+    assert results.replays.keys() == {"closed_loop", "open_loop"}
+    assert results.replays["open_loop"].record() is None, "a flight of no steps cannot be watched"
 
 
 def test_flights_with_the_state_known_are_refused() -> None:

@@ -14,7 +14,8 @@ POSITIONAL = {
     "bake": ["room.npz"], "place": ["room.npz"], "info": ["room.npz"],
     "calibrate": ["room.npz"], "plan": ["stonehenge"], "fly": ["stonehenge"],
     "localize": ["room.npz", "picture.png"], "track": ["room.npz", "video.mp4"], "live": ["room.npz"],
-    "export": ["flight"], "map": ["room.npz"], "experiment": ["planners"], "bench": [], "doctor": [],
+    "export": ["flight"], "map": ["room.npz"], "experiment": ["planners"], "report": ["runs"],
+    "bench": [], "doctor": [],
 }  # fmt: skip
 """What each subcommand must be told, in its order."""
 REQUIRED = {

@@ -41,12 +41,14 @@ from nerfnav.experiments import (
     replanning,
     tangent,
 )
+from nerfnav.experiments.rivals import experiment as rivals
 from nerfnav.experiments.study import TrialEnd
 from nerfnav.world import Task
 from nerfnav_app.benchmarks import timing
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress, Remark
 from nerfnav_app.jobs.measure.arena import open_arena
 from nerfnav_app.jobs.measure.manifest import TRIALS, Manifest, make_manifest, open_folder
+from nerfnav_app.jobs.measure.report import write_replays
 from nerfnav_app.jobs.measure.results import write_folder
 from nerfnav_app.jobs.measure.sweep import combine, label_of, merge, parse_sweeps
 from nerfnav_app.places.place import field_file
@@ -125,6 +127,15 @@ EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
         quick=1,
         cost=20,
         alone=True,
+    ),
+    Experiment(
+        "rivals",
+        rivals.run,
+        "other people's planners beside nerfnav's on the same pairs of ends: clean flights, times, cost",
+        beside=("playground", "church"),
+        quick=4,
+        cost=10,
+        headline=("methods.nerfnav.clean", "methods.nerfnav.J_median", "methods.nerfnav.time_p50_ms"),
     ),
     Experiment(
         "collision-correlation",
@@ -274,6 +285,7 @@ def measure(request: ExperimentRequest) -> Generator[Progress | Remark, bool | N
         files: tuple[Path, ...] = ()
         if out is not None:
             results, files = write_folder(out, experiment.name, experiment.purpose, results)
+            files = (*files, *write_replays(out, results.replays))
         return Measured(results.summary, files, tuple(ends), begun)
 
 

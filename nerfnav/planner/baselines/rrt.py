@@ -154,10 +154,15 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
 
 def ball_check(field: Field, robot: Robot, config: RRTConfig) -> BallCheck:
     """Make the check of a ball around the robot against the field's surface; it takes longer than most searches."""
+    return BallCheck(search_mesh(field, robot, config), robot.body.radius)
+
+
+def search_mesh(field: Field, robot: Robot, config: RRTConfig) -> "trimesh.Trimesh":
+    """Make the mesh of a field that trees are grown around."""
     scales = config.occupancy.scales(field, robot.body)
     spacing = 0.5 * scales.voxel if config.mesh_spacing is None else config.mesh_spacing
     level = scales.threshold if config.mesh_level is None else config.mesh_level
-    return BallCheck(field_mesh(field, spacing, level), robot.body.radius)
+    return field_mesh(field, spacing, level)
 
 
 def grow(

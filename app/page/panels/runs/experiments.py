@@ -36,10 +36,12 @@ class ExperimentsPanel:
         self._results: viser.GuiDropdownHandle[str] = gui.add_dropdown(
             "Results", list[str]([_NONE]), hint="Of earlier experiments, newest first"
         )
+        self._report = gui.add_button("Download report", icon=viser.Icon.FILE_REPORT, disabled=True)
         self._figures = [gui.add_image(_BLANK, visible=False) for _ in range(_FIGURES)]
         self._numbers = gui.add_html("")
         self._session: Session | None = None
         self._names.on_update(self._describe)
+        self._report.on_click(self._send_report)
         post_on(self._results.on_update, post, self._chosen)
         post_on(self._run.on_click, post, lambda: StartExperiment(self._names.value, int(self._count.value)))
 
@@ -49,6 +51,11 @@ class ExperimentsPanel:
     async def _describe(self, event: viser.GuiEvent) -> None:
         if self._session is not None:
             self._purpose.content = self._purpose_of(self._session)
+
+    async def _send_report(self, event: viser.GuiEvent) -> None:
+        known = None if self._session is None else _known(self._session)
+        if event.client is not None and known is not None and known.result is not None and known.report is not None:
+            event.client.send_file_download(f"{known.result.name}.html", known.report, save_immediately=True)
 
     def _purpose_of(self, session: Session) -> str:
         purpose = dict(_known(session).known).get(self._names.value, "")
@@ -65,6 +72,7 @@ class ExperimentsPanel:
         _offer(self._names, there.names)
         self._purpose.content = self._purpose_of(session)
         _offer(self._results, there.earlier)
+        self._report.disabled = there.report is None
         result = there.result
         if result is not None and self._results.value != result.name:
             self._results.value = result.name

@@ -1,0 +1,1 @@
+"""Rivals: other people's planners beside nerfnav's, on the same flights."""
