@@ -146,7 +146,10 @@ def test_requests_of_the_operator_are_noted_once_each() -> None:
     "changes",
     [
         {"flight_settings": FlightSettings(seed=5, position_noise_m=0.0123)},
-        {"ends": FREE, "task": None, "plan_settings": PlanSettings(duration_s=2.35, shortest=True)},
+        pytest.param(
+            {"ends": FREE, "task": None, "plan_settings": PlanSettings(duration_s=2.35, shortest=True)},
+            marks=pytest.mark.nightly,  # half a minute, as long as the other
+        ),
     ],
     ids=["a task", "a found duration"],
 )
