@@ -297,7 +297,7 @@ class TakePoint:
     """Take the point of the place that a click has met into the measurement."""
 
     point: Vector
-    """Where it is shown [m]."""
+    """Position at which it is shown [m]."""
 
 
 CorrectionAction = PosePlace | QuarterTurn | SetScale | SetDistance | TakePoint | Crop

@@ -173,7 +173,7 @@ def summarize(rows: Sequence[Row], missing: Row) -> Row:
 
 
 def _about(name: str) -> Row:
-    """What a reader must know about a planner to judge its numbers."""
+    """Conditions of a planner's numbers: version, options and limits."""
     rival = RIVALS[name]
     return {"version": rival.version(), "options": rival.options, "does_not": rival.omits}
 

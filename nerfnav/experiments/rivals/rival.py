@@ -57,7 +57,7 @@ class Rival:
     options: str
     """Options and input that it gets."""
     omits: str
-    """What it does not do."""
+    """Limits: what it leaves out."""
 
 
 def explain_missing(package: str, module: str, remedy: str) -> str | None:

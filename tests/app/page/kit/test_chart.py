@@ -1,6 +1,5 @@
 """Charts: what is clipped, and how far their axes reach."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,13 +9,6 @@ import viser
 from nerfnav_app.page.kit.chart import TIMES, Chart, top_of_times
 from nerfnav_app.page.kit.html import LegendEntry
 from nerfnav_app.page.kit.theme import HIT
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def times(filter_ms: list[float]) -> np.ndarray:

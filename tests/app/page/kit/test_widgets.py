@@ -1,23 +1,14 @@
 """Lists of names in the page."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
 import viser
 
 from nerfnav import robots
 from nerfnav_app.page.kit.widgets import ChoiceList
 from nerfnav_app.state.place import Choice
 from nerfnav_app.state.session import Session
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def test_the_robot_of_a_file_is_listed_by_its_name_alone_and_can_be_taken_again(

@@ -1,6 +1,5 @@
 """The first view of what is opened, before there is a field."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +10,6 @@ from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer, first_view
 from nerfnav_app.places.sparse_model import encode_sparse_model
 from nerfnav_app.state.session import Session
 from tests.importers.captures.fake_posing import sparse
-from tests.waiting import free_port
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
-    try:
-        yield server
-    finally:
-        server.stop()
 
 
 def test_the_first_cameras_and_points_are_looked_at_and_those_that_follow_leave_the_view(

@@ -1,6 +1,5 @@
 """The three things of a flight in the scene: first plan, executed path and estimate, each under its name."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -22,20 +21,10 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMode
 from tests.app.doubles import balls_place, plan_step, straight_motion
 from tests.export.flights import arrived
-from tests.waiting import free_port
 
 ENDS = Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.1, 0.4)))
 NODES = {"plan": "_first_plan", "executed": "_truth", "estimate": "_belief"}
 COLORS = {"plan": PLAN, "executed": TRUTH, "estimate": BELIEF}
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
-    try:
-        yield server
-    finally:
-        server.stop()
 
 
 def flown() -> Session:

@@ -1,7 +1,6 @@
 """What panel and scene show of a place that is put right by hand."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -24,13 +23,6 @@ from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 
 BOX = balls_place().field.box
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 @pytest.fixture

@@ -1,10 +1,8 @@
 """The list of kept places."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
 import viser
 
 from nerfnav_app.page.panels.place.place_library import PlaceLibraryPanel
@@ -12,13 +10,6 @@ from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.session import Session
 from tests.app.places.test_library import brought
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def test_a_renamed_place_stays_chosen_so_that_delete_aims_at_it(

@@ -1,11 +1,9 @@
 """Numbers of the plan: its risk by value, and in flight those of the plan that is flown."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 import viser
 
 from nerfnav.planner.steps import PlanOutcome
@@ -22,16 +20,6 @@ from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.session import Session
 from tests.app.doubles import flight_step, plan_step
 from tests.app.sessions import after, planned, reports
-from tests.waiting import free_port
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
-    try:
-        yield server
-    finally:
-        server.stop()
 
 
 def planned_with(session: Session, **numbers: Any) -> Session:

@@ -2,10 +2,8 @@
 
 import csv
 import io
-from collections.abc import Iterator
 from dataclasses import replace
 
-import pytest
 import viser
 
 from nerfnav_app.page.kit.theme import BELIEF, HIT, STALE, START
@@ -68,13 +66,6 @@ def test_the_file_has_a_row_for_each_listed_flight() -> None:
     rows = list(csv.DictReader(io.StringIO(runs_csv(RUNS))))
     assert [row["name"] for row in rows] == ["new", "far", "old"]
     assert rows[1]["final_error_m"] == "1.5" and rows[2]["final_error_m"] == "" and rows[0]["task"] == "b"
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    server = viser.ViserServer(port=0, verbose=False)
-    yield server
-    server.stop()
 
 
 def listing(session: Session, *entries: StoredRun) -> Session:
