@@ -18,6 +18,11 @@ from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, Notify, OpenPlace
 from nerfnav_app.state.session import Session
 
+_DRAFT = (
+    "This field is a draft, learned in seconds. While its capture is open, it is learned further: fly by camera after "
+    "that."
+)
+
 
 class PlacePanel:
     """Panel of the places and the robots."""
@@ -97,11 +102,12 @@ class PlacePanel:
 
 
 def describe_doubts(place: Place) -> str:
-    """Describe what is unproven in a place, and a guess of up, which is to be looked at."""
+    """Describe a draft, what is unproven in a place, and a guess of up, which is to be looked at."""
+    draft = _DRAFT if place.field.info.is_draft else ""
     guesses = place.field.info.guesses
     guessed = len(drop_answered_guesses(guesses, ("up",))) < len(guesses)
     turn = 'Its up is a guess: where it lies wrong, turn it under "Turn, scale, crop".' if guessed else ""
-    return " ".join(text for text in (describe_unproven_in(place), turn) if text)
+    return " ".join(text for text in (draft, describe_unproven_in(place), turn) if text)
 
 
 def describe_opening(session: Session) -> str:

@@ -99,3 +99,12 @@ def test_a_guessed_up_is_offered_to_be_turned() -> None:
     info = FieldInfo(guesses=("up is -y (the habit of its format)",))
     guessed = replace(place, field=replace(place.field, info=info))  # type: ignore[type-var]
     assert "Turn, scale, crop" in describe_doubts(guessed) and "Turn" not in describe_doubts(place)
+
+
+@pytest.mark.parametrize(
+    ("made_by", "is_said"), [("draft", True), ("fused", True), ("trained", False), ("baked", False)]
+)
+def test_a_draft_is_called_one(made_by: str, is_said: bool) -> None:
+    place = balls_place()
+    field = replace(place.field, info=FieldInfo(made_by=made_by))  # type: ignore[type-var]
+    assert ("is a draft" in describe_doubts(replace(place, field=field))) is is_said
