@@ -8,7 +8,7 @@ import torch
 
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import WorldName
-from nerfnav.planner import SafetyConfig, collision_per_step, measure_clearance
+from nerfnav.planner import PathDensity, SafetyConfig, measure_clearance
 from nerfnav.planner.risk.tracking_error import tracking_deviations
 from nerfnav.robots import Motion, NoiseModel, Robot, StateNoise
 from nerfnav_app.places.derived import planning_robot, prepare_place
@@ -131,7 +131,7 @@ class ClearanceQuery(Query[Clearance]):
         place = prepare_place(resources.place, self.unknown)
         motion, body, config = self.shown.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
-        bound = collision_per_step(place.field, motion, body, config.samples_per_step)
+        bound = PathDensity.of(place.field, motion, body).bound_per_step
         count = len(motion.actions)
         parts = np.array_split(np.arange(count), min(_STRETCHES, count) if self.hurried else count) if count else []
         room = [measure_clearance(place.field, _cut(motion, part), body, config) for part in parts]

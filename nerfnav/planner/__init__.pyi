@@ -28,6 +28,7 @@ from .polynomials import squared_derivative as squared_derivative
 from .polynomials import uniform_cubic as uniform_cubic
 from .risk.collision_map import CollisionMap as CollisionMap
 from .risk.costs import CostWeights as CostWeights
+from .risk.costs import PathDensity as PathDensity
 from .risk.costs import collision_per_step as collision_per_step
 from .risk.costs import collision_probability_bound as collision_probability_bound
 from .risk.probability import ProbabilityConfig as ProbabilityConfig

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from nerfnav.core.structs import TensorStruct
@@ -88,3 +88,32 @@ class Motion(TensorStruct):
     def left_after(self, steps: int) -> "Motion":
         """Return the rest of one motion after so many of its steps."""
         return Motion(self.states[steps:], self.actions[steps:], self.dt)
+
+
+def interpolate_poses(
+    states: RigidState, spacing: float, rotation_spacing: float
+) -> tuple[RigidState, Int[Tensor, " n"]]:
+    """Interpolate states, batch shape (n,), so that neighbours are at most `spacing` [m] and `rotation_spacing` [rad]
+    apart: straight lines, steady turns.
+
+    Return them with the indices at which the given states stand among them.
+    """
+    before, after = states[:-1], states[1:]
+    turn = so3.local(before.rotation, after.rotation)
+    way = (after.position - before.position).norm(dim=-1)
+    parts = torch.maximum(way / spacing, turn.norm(dim=-1) / rotation_spacing)
+    counts = parts.ceil().clamp_min(1).long()
+    segment = torch.arange(len(counts)).repeat_interleave(counts)
+    starts = torch.cat([torch.zeros(1, dtype=torch.long), counts.cumsum(0)])
+    share = ((torch.arange(len(segment)) - starts[segment]) / counts[segment])[:, None].to(way)
+
+    def blend(first: Tensor, second: Tensor) -> Tensor:
+        return first[segment] + share * (second - first)[segment]
+
+    between = RigidState(
+        blend(before.position, after.position),
+        blend(before.velocity, after.velocity),
+        so3.retract(before.rotation[segment], share * turn[segment]),
+        blend(before.body_rate, after.body_rate),
+    )
+    return RigidState.cat([between, states[-1:]]), starts

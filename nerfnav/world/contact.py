@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots import Body, RigidState
+from nerfnav.robots import Body, RigidState, interpolate_poses
 from nerfnav.world.collision import Ground, ground
 from nerfnav.world.scene import Scene
 
@@ -26,32 +26,6 @@ class ContactConfig:
     """Largest distance between neighbouring poses [m]."""
     rotation_spacing: float = 0.02
     """Largest angle between neighbouring poses [rad]."""
-
-
-def interpolate_poses(states: RigidState, config: ContactConfig) -> tuple[RigidState, Int[Tensor, " k"]]:
-    """The states of a motion, batch shape (n + 1,), and enough between them: straight lines, steady turns.
-
-    Returned with the indices at which the given states stand among these.
-    """
-    before, after = states[:-1], states[1:]
-    turn = so3.local(before.rotation, after.rotation)
-    way = (after.position - before.position).norm(dim=-1)
-    parts = torch.maximum(way / config.spacing, turn.norm(dim=-1) / config.rotation_spacing)
-    counts = parts.ceil().clamp_min(1).long()
-    segment = torch.arange(len(counts)).repeat_interleave(counts)
-    starts = torch.cat([torch.zeros(1, dtype=torch.long), counts.cumsum(0)])
-    share = ((torch.arange(len(segment)) - starts[segment]) / counts[segment])[:, None].to(way)
-
-    def blend(first: Tensor, second: Tensor) -> Tensor:
-        return first[segment] + share * (second - first)[segment]
-
-    between = RigidState(
-        blend(before.position, after.position),
-        blend(before.velocity, after.velocity),
-        so3.retract(before.rotation[segment], share * turn[segment]),
-        blend(before.body_rate, after.body_rate),
-    )
-    return RigidState.cat([between, states[-1:]]), starts
 
 
 @dataclass(frozen=True)
@@ -91,7 +65,8 @@ def judge(scene: Scene, body: Body, states: RigidState, config: ContactConfig | 
             f"a motion is judged on states of finite numbers, and {int(wrong.sum())} of {len(wrong)} are not: the "
             f"first is state {int(wrong.nonzero()[0, 0])}"
         )
-    poses, starts = interpolate_poses(states, config or ContactConfig())
+    config = config or ContactConfig()
+    poses, starts = interpolate_poses(states, config.spacing, config.rotation_spacing)
     touched = ground(scene).touches(body, poses)
     overlap = torch.zeros(len(touched), dtype=torch.float64)
     overlap[touched] = ground(scene).overlaps(body, poses[touched])
@@ -154,4 +129,4 @@ def _poses_near(
         turn, share = so3.local(before.rotation, after.rotation), torch.tensor([first, last])[:, None]
         rotation = so3.retract(before.rotation.detach().expand(2, 3, 3), (share * turn.detach()).to(ends.rotation))
         ends = replace(ends, position=(start + share * way).to(ends.position), rotation=rotation)
-    return interpolate_poses(ends, config)[0]
+    return interpolate_poses(ends, config.spacing, config.rotation_spacing)[0]

@@ -82,7 +82,7 @@ def test_an_own_mesh_is_learned_and_flown_in(
     app = serve(opening_work(may_open))
     tab = open_tab(app)
     tab.turn_to("Scene")
-    mesh = pillars(tmp_path, at=(0.5,))
+    mesh = pillars(tmp_path, at=(0.0,))
     tab.upload("place.upload", mesh)
     tab.until(lambda: app.session.place is None, "it is not being opened")
     tab.until(lambda: not tab.is_visible("/start"), "the ends of the last place are still shown")

@@ -9,14 +9,15 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.robots.body import Body
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import RigidState, interpolate_poses
 from nerfnav.world.collision import Ground
-from nerfnav.world.contact import ContactConfig, contact_check, interpolate_poses, judge, level_contact_check
+from nerfnav.world.contact import ContactConfig, contact_check, judge, level_contact_check
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import winding_number
 from nerfnav.world.triangle_index import boxes_touch_triangles
 
 _BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
+SPACING = (ContactConfig.spacing, ContactConfig.rotation_spacing)
 
 
 def _scene(*solids: trimesh.Trimesh) -> Scene:
@@ -77,7 +78,7 @@ def test_poses_along_a_way_touch_what_each_alone_touches():
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.12)
     ground = Ground(_scene(ball, _cube(0.1, (0.3, 0.1, 0.0)), _cube(2.0, (0.0, 0.0, -1.1))))
     ends = _states((-0.5, -0.1, 0.13), (0.5, 0.1, 0.05), (0.5, 0.3, -0.05), (-0.4, 0.0, 0.1))
-    poses, _ = interpolate_poses(ends, ContactConfig())
+    poses, _ = interpolate_poses(ends, *SPACING)
     together = ground.touches(_BODY, poses)
     alone = torch.cat([ground.touches(_BODY, poses[k : k + 1]) for k in range(len(together))])
     assert 100 < together.sum() < len(together) - 100
@@ -122,7 +123,7 @@ def test_interpolated_poses_are_dense_in_place_and_attitude_and_keep_the_given_s
             RigidState.at_rest((0.1, 0.0, 0.0), yaw=1.0),
         ]
     )
-    poses, _ = interpolate_poses(states, ContactConfig())
+    poses, _ = interpolate_poses(states, *SPACING)
     assert len(poses.position) == 20 + 50 + 1
     assert poses.position.diff(dim=0).norm(dim=-1).max() < 0.005 + 1e-6
     assert so3.local(poses[:-1].rotation, poses[1:].rotation).norm(dim=-1).max() < 0.02 + 1e-5
@@ -238,7 +239,7 @@ def test_the_part_of_a_path_near_the_ground_truth_touches_what_all_of_it_touches
     touched, ends = contact_check(scene, _BODY), _random_poses(120, spread=1.0)
     found = []
     for before, after in zip(ends[:60], ends[60:], strict=True):
-        poses, _ = interpolate_poses(RigidState.stack([before, after]), ContactConfig())
+        poses, _ = interpolate_poses(RigidState.stack([before, after]), *SPACING)
         found.append(bool(Ground(scene).touches(_BODY, poses).any()))
         assert touched(before, after) is found[-1]
     assert 2 < sum(found) < 57

@@ -82,6 +82,14 @@ def density_and_gradient(field: Field, points: np.ndarray) -> tuple[np.ndarray, 
     return density.detach().double().cpu().numpy(), gradient.double().cpu().numpy()
 
 
+def density_at(field: Field, points: np.ndarray) -> np.ndarray:
+    """rho (n) [1/m] at world points (n, 3) [m], both in float64: by compiled kernels where the field has them."""
+    if isinstance(field, FastDensity):
+        return field.density_and_gradient(points)[0]
+    with torch.no_grad():
+        return field.density(torch.from_numpy(points).to(field.box.lower.device)).double().cpu().numpy()
+
+
 def box_interval(
     box: Box, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
 ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:

@@ -25,7 +25,7 @@ from nerfnav.geometry import spacing_of
 from nerfnav.planner.kernels.maps import nearest_dense
 from nerfnav.planner.space.border import room_to_border
 from nerfnav.planner.space.occupancy import dense_at
-from nerfnav.planner.space.scales import scales_of
+from nerfnav.planner.space.scales import poses_along, scales_of
 from nerfnav.robots import Body, BodySurface, Motion, RigidState
 from nerfnav.robots.surface import radii_of, split
 
@@ -48,8 +48,6 @@ _FLAT = 1e-9
 class SafetyConfig:
     """Settings of the safety of a plan."""
 
-    samples_per_step: int = 3
-    """Densities taken along each body point's path through a step."""
     threshold: float | None = None
     """Density of the level set that clearance is measured to [1/m]; None: that of maps."""
     reach: float | None = None
@@ -68,14 +66,15 @@ class SafetyConfig:
 @torch.no_grad()
 def measure_clearance(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
     """Measure the smallest distance of a body from the level set rho = threshold or the border of the field's box [m],
-    at the states of one motion; None where none is within reach."""
+    along one motion, at poses at most half a voxel of maps apart; None where none is within reach."""
     threshold, reach, voxel = config.lengths(field, body)
-    points = body.points_at(motion.states).to(field.box.lower)
-    to_border = _room_to_border(field, motion.states, body.surface)
-    if to_border <= 0 or (field.density(points) > threshold).any():
+    states, _ = poses_along(field, motion, body)
+    points = body.points_at(states).to(field.box.lower)
+    to_border = _room_to_border(field, states, body.surface)
+    if to_border <= 0 or dense_at(field, points, threshold).any():
         return 0.0
     limit = min(reach, to_border)
-    nearest = _Search(_Dense(field, threshold, voxel), motion.states).run(points, body, limit)
+    nearest = _Search(_Dense(field, threshold, voxel), states).run(points, body, limit)
     return nearest if nearest < limit else to_border if to_border <= reach else None
 
 

@@ -15,11 +15,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field import Field, density_and_gradient
+from nerfnav.field import Field
 from nerfnav.planner.objective.clearance import SafetyConfig, measure_clearance
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.risk.costs import collision_per_step, expected_hits
-from nerfnav.planner.space.border import bordered_density, density_within
+from nerfnav.planner.risk.costs import PathDensity
 from nerfnav.planner.space.scales import scales_of
 from nerfnav.planner.steps import FLYABLE, PlanCost, PlanOutcome
 from nerfnav.robots import Body, Motion, limit_uses
@@ -50,7 +49,7 @@ class Safety:
 def assess_safety(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
     """Assess one motion in the field."""
     config = SafetyConfig() if config is None else config
-    steps = collision_per_step(field, motion, body, config.samples_per_step)
+    steps = PathDensity.of(field, motion, body).bound_per_step
     clearance = measure_clearance(field, motion, body, config)
     return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
 
@@ -70,31 +69,25 @@ def downgrade_outcome(problem: PlanProblem, motion: Motion, outcome: PlanOutcome
 
     A plan that is as likely as not to collide has not converged, nor is it worth more iterations.
     """
-    # the bound is a sum over body points: where it is small, none of them is hit for certain
-    if outcome not in FLYABLE or _fast_bound(problem, motion) < NEAR_CERTAIN:
+    if outcome not in FLYABLE:
         return outcome
-    return PlanOutcome.IN_COLLISION if meets_density(problem, motion) else PlanOutcome.LIKELY_COLLISION
+    along = PathDensity.of(problem.field, motion, problem.robot.body)
+    # the bound is a sum over body points: where it is small, none of them is hit for certain
+    if along.bound_per_step.sum() < NEAR_CERTAIN:
+        return outcome
+    return PlanOutcome.IN_COLLISION if _meets_density(problem, along) else PlanOutcome.LIKELY_COLLISION
 
 
-def _fast_bound(problem: PlanProblem, motion: Motion) -> float:
-    """Compute `collision_probability_bound` with the field's fast densities."""
-    points = problem.robot.body.points_at(motion.states).detach().double().cpu().numpy()
-    before, moved = points[:-1], np.diff(points, axis=0)
-    fractions = (np.arange(SafetyConfig.samples_per_step) + 0.5) / SafetyConfig.samples_per_step
-    along = before[:, None] + fractions[:, None, None] * moved[:, None]
-    density = torch.from_numpy(density_and_gradient(problem.field, along.reshape(-1, 3))[0]).reshape(along.shape[:3])
-    density = density_within(problem.field.box, torch.from_numpy(along), density).numpy()
-    return float((density.mean(1) * np.linalg.norm(moved, axis=-1)).sum())
-
-
-@torch.no_grad()
 def meets_density(problem: PlanProblem, motion: Motion) -> bool:
     """Return True if the body comes into something dense or beyond the border, and one of its points is expected to be
-    hit.
+    hit, at the way points or between them."""
+    return _meets_density(problem, PathDensity.of(problem.field, motion, problem.robot.body))
+
+
+def _meets_density(problem: PlanProblem, along: PathDensity) -> bool:
+    """Return the same for densities along a path.
 
     One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
     """
-    points = problem.robot.body.points_at(motion.states)
-    if (bordered_density(problem.field, points) <= scales_of(problem.field, problem.robot.body).threshold).all():
-        return False
-    return expected_hits(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN
+    dense = along.density.max() > scales_of(problem.field, problem.robot.body).threshold
+    return bool(dense and along.hits.sum(0).max() >= _CERTAIN)

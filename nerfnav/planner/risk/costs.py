@@ -17,8 +17,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field import Field
+from nerfnav.field import Field, density_at
 from nerfnav.planner.space.border import density_within
+from nerfnav.planner.space.scales import poses_along
 from nerfnav.robots import Body, Motion
 
 _STANDSTILL = 1e-12
@@ -62,19 +63,13 @@ def collision_per_step(
 The path of each body point through a step is cut into `samples_per_step` equal parts, and the density is taken in
     the middle of each. What is beyond the field's box counts as solid.
     """
-    return _met(field, motion, body, samples_per_step, True).sum(-1)
+    return _met(field, motion, body, samples_per_step, bordered=True).sum(-1)
 
 
 def collision(field: Field, motion: Motion, body: Body, samples_per_step: int = 1) -> Float[Tensor, "*batch"]:
     """Compute the collision term of J, summed over time: without a jump at the border of the field's box, within which
     the penalty of terms/outside.py keeps the body."""
-    return _met(field, motion, body, samples_per_step, False).sum((-2, -1))
-
-
-def expected_hits(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> Float[Tensor, "*batch b"]:
-    """Compute sum_t rho(x_b) s(b) of every body point: the optical depth along its path, or expected number of hits;
-    space beyond the field's box counts as solid."""
-    return _met(field, motion, body, samples_per_step, True).sum(-2)
+    return _met(field, motion, body, samples_per_step, bordered=False).sum((-2, -1))
 
 
 def _met(
@@ -97,12 +92,41 @@ def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch
     return (gamma * motion.actions.square()).sum((-2, -1))
 
 
-@torch.no_grad()
-def collision_probability_bound(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> float:
+@dataclass(frozen=True)
+class PathDensity:
+    """Density along the paths of a body's points, between the way points of a motion too."""
+
+    density: Float[Tensor, "m b"]
+    """In the middle of each of m short parts of the path of each body point [1/m]; beyond the box that of solid
+    space."""
+    hits: Float[Tensor, "n b"]
+    """rho(x_b) s(b) of each of the n steps of the motion and body point: the expected number of hits."""
+
+    @property
+    def bound_per_step(self) -> Float[Tensor, " n"]:
+        """Upper bound of the probability of a collision in each step (Eq. 1)."""
+        return self.hits.sum(-1)
+
+    @classmethod
+    @torch.no_grad()
+    def of(cls, field: Field, motion: Motion, body: Body) -> "PathDensity":
+        """Measure it along one motion, at poses at most half a voxel of maps apart."""
+        poses, starts = poses_along(field, motion, body)
+        points = body.points_at(poses).double()
+        middles = 0.5 * (points[:-1] + points[1:])
+        found = density_at(field, middles.reshape(-1, 3).cpu().numpy())
+        density = torch.from_numpy(found).reshape(middles.shape[:-1])
+        density = density_within(field.box, middles, density.to(middles.device))
+        met = density * points.diff(dim=0).norm(dim=-1)
+        step = torch.arange(len(starts) - 1).repeat_interleave(starts.diff()).to(met.device)
+        return cls(density, met.new_zeros(len(starts) - 1, met.shape[1]).index_add(0, step, met))
+
+
+def collision_probability_bound(field: Field, motion: Motion, body: Body) -> float:
     """Bound the probability that one motion collides, at most 1: Eq. 1, and Boole's inequality over steps.
 
-It rests on the field's densities and is no guarantee. It counts every body point as if it flew alone, so that
-    light fog on many points already brings it to 1; what is beyond the field's box counts as solid.
-    `collision_per_step` has the terms of the sum.
+    It rests on the field's densities and is no guarantee. It counts every body point as if it flew alone, so that
+    light fog on many points already brings it to 1; what is beyond the field's box counts as solid. The density is
+    taken between the way points too (`PathDensity`).
     """
-    return min(1.0, collision_per_step(field, motion, body, samples_per_step).sum().item())
+    return min(1.0, PathDensity.of(field, motion, body).bound_per_step.sum().item())

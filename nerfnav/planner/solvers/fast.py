@@ -18,7 +18,7 @@ import torch
 
 from nerfnav.planner.objective.objective import Evaluation, Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
-from nerfnav.planner.objective.safety import judge_search
+from nerfnav.planner.objective.safety import judge_search, meets_density
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.bfgs import Iterate, NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
@@ -34,7 +34,8 @@ _LIMITS_FIRST = 0.01
 """Share of the weight of risk in the last of these rounds: a sofa's plan through a door that noise makes risky stayed
 6 % beyond its force in whatever time, and what the robot cannot do is no way to avoid a risk."""
 _FINER = 4
-"""Factor on the number of densities for the choice between finalists: a body must not slip through a wall."""
+"""Factor on the number of densities for the choice between finalists, and for a plan that meets something dense
+between two way points: a body must not slip through a wall."""
 
 _KEPT = 1e-6
 """Share of its scale by which a kept heading may change: too little to matter, and enough to divide by."""
@@ -136,7 +137,7 @@ def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: 
     for found in searches[winner]:
         latest[winner] = found
         yield desk.record(winner, found.point)
-    best = desk.within_limits(latest[winner])
+    best = desk.within_limits(desk.clear_between_waypoints(latest[winner]))
     outcome = PlanOutcome.CONVERGED if best.settled else PlanOutcome.ITERATION_LIMIT
     last = desk.record(winner, best.point)
     return last.end(judge_search(problem, last.motion, last.cost, outcome))
@@ -153,6 +154,7 @@ class _Desk:
             weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
         )
         fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)  # misses nothing between densities
+        self._weights, self._fine_weights = weights, fine
         self.objective, self.fine = self._weighing(weights), self._weighing(fine)
         self._light = self._weighing(light, scout.points)
         self.scales = problem.robot.free_scales(trajectory.free).double().numpy()
@@ -173,6 +175,14 @@ class _Desk:
         ahead = sorted(found, key=lambda index: _rank(found[index].point))[: scout.survivors]
         return {index: self.objective(_last(searches[index], found[index]).point.free) for index in ahead}
 
+    def clear_between_waypoints(self, reached: Iterate) -> Iterate:
+        """Search on with more densities where the body meets something dense, if only between two way points."""
+        self._flat.forward(reached.point.free)
+        if not meets_density(self._problem, self._flat.motion()):
+            return reached
+        self._weights, self.objective = self._fine_weights, self.fine
+        return _last(minimise(self.fine, self.fine(reached.point.free), self.scales, self._config.newton))
+
     def within_limits(self, reached: Iterate) -> Iterate:
         """Search on with heavier weights on the robot's limits where a plan exceeds them, if that keeps them.
 
@@ -181,7 +191,7 @@ class _Desk:
         tried = reached
         for firmer in (1.0, *_FIRMER):
             if firmer > 1:
-                weights, free = self._config.weights, tried.point.free
+                weights, free = self._weights, tried.point.free
                 risk = weights.risk if firmer < _FIRMER[-1] else _LIMITS_FIRST * weights.risk
                 firm = self._weighing(replace(weights, limits=firmer * weights.limits, risk=risk))
                 inverse = preconditioner(firm.effort_curvature, free, self.scales, self._config.newton.prior)

@@ -10,9 +10,12 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+from jaxtyping import Int
+from torch import Tensor
+
 from nerfnav.field import SOLID_DENSITY, Field, GridField
 from nerfnav.field.core.occupancy import PAPERS_GRAIN
-from nerfnav.robots import Body
+from nerfnav.robots import Body, Motion, RigidState, interpolate_poses
 
 _MOST_VOXELS = 24_000_000
 """Largest number of voxels of a map: a gigabyte during a search."""
@@ -110,6 +113,16 @@ def scales_of(field: Field, body: Body, voxel: float | None = None, threshold: f
     volume = field.box.size.double().prod().item()
     wanted = max(wanted, (volume / _MOST_VOXELS) ** (1 / 3))
     return Scales(width, length, voxel or wanted, threshold_of(field, width) if threshold is None else threshold)
+
+
+def poses_along(field: Field, motion: Motion, body: Body) -> tuple[RigidState, Int[Tensor, " n"]]:
+    """Interpolate the states of one motion so that each point of the body moves by at most half a voxel of maps from
+    one to the next, in each of place and turn; return them with the indices of the given states among them.
+
+    A robot at 3 m/s moves by 30 cm from one way point to the next, and at 9 rad/s its corners move on arcs.
+    """
+    spacing = 0.5 * scales_of(field, body).voxel
+    return interpolate_poses(motion.states.detach(), spacing, spacing / max(body.radius, spacing))
 
 
 def threshold_of(field: Field, width: float | None = None) -> float:

@@ -1,12 +1,14 @@
 """Clearance of bodies of any shape: that of the true solid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from nerfnav.field.core.occupancy import SOLID_DENSITY
 from nerfnav.planner.objective.clearance import SafetyConfig, measure_clearance
-from nerfnav.robots import Motion, RigidState, load
+from nerfnav.robots import Motion, RigidState, interpolate_poses, load
 from nerfnav.robots.body import Body
 from tests.planner.places import ball, straight_motion
 from tests.robots.thin import FIVE, SHAPES, Obstacles, dense_surface, random_poses, standing, thin_body, true_clearance
@@ -26,13 +28,22 @@ def test_the_clearance_of_a_thin_body_is_that_of_its_solid(shape: str):
         assert measure_clearance(PLACE.field, standing(poses[index]), body, CONFIG) == pytest.approx(true, abs=BAR)
 
 
-def test_the_clearance_of_a_motion_is_the_least_of_its_states():
-    body, poses = thin_body("cross"), random_poses(7, seed=5, reach=0.5)
-    free = [k for k in range(7) if measure_clearance(PLACE.field, standing(poses[k]), body, CONFIG)]
-    states = RigidState.stack([poses[k] for k in free])
-    each = [measure_clearance(PLACE.field, standing(poses[k]), body, CONFIG) or 0.0 for k in free]
-    together = measure_clearance(PLACE.field, Motion(states, torch.zeros(len(free) - 1, 4), 0.1), body, CONFIG)
-    assert len(free) > 3 and together == pytest.approx(min(each), abs=BAR)
+def test_the_clearance_of_a_motion_is_the_least_at_and_between_its_waypoints():
+    """One step past a ball, with a turn: both ends are farther from it than what lies between."""
+    body, poses, nearer = thin_body("cross"), random_poses(6, seed=5), 0
+    x, y, z, radius = PLACE.ball
+    for index in range(6):
+        first = replace(poses[index], position=torch.tensor([x - 0.2, y + radius + 0.6 * body.radius, z]))
+        last = first.retract(torch.tensor([0.4, 0, 0, 0, 0, 0, 0.3, 0.4, 0.3, 0, 0, 0]))
+        between, _ = interpolate_poses(RigidState.stack([first, last]), 0.01, 0.03)
+        each = [
+            measure_clearance(PLACE.field, standing(between[k]), body, CONFIG) or 0.0
+            for k in range(len(between.position))
+        ]
+        step = Motion(RigidState.stack([first, last]), torch.zeros(1, 4), 0.1)
+        assert measure_clearance(PLACE.field, step, body, CONFIG) == pytest.approx(min(each), abs=BAR)
+        nearer += min(each) < min(each[0], each[-1]) - 0.005
+    assert nearer > 2
 
 
 def test_a_ball_between_whose_points_a_stone_reaches_has_no_clearance():
