@@ -150,6 +150,7 @@ def learn(request: TrainRequest, material: TrainingData, budget: Deadline, made_
     trained = noted(trained, request, material, made_by)
     training_s = budget.elapsed_s - reading_s
     trained, accuracy = yield from judge_field(trained, material, None if request.budget is None else budget)
+    trained = trained.to("cpu")  # networks are judged on the device that they learned on
     file_bytes, files = stored(trained, material.truth, out)
     numbers = {**training_numbers(trained, accuracy, file_bytes), "source": material.report}
     if request.budget is not None:

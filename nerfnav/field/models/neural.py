@@ -12,7 +12,8 @@ samples that would come to nothing are left out; training draws at random instea
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import torch
@@ -87,6 +88,11 @@ class NeuralField:
     @property
     def _bin(self) -> float:
         return float(self.box.size.norm()) / self.config.coarse_bins
+
+    def to(self, device: torch.device | str) -> "NeuralField":
+        """Copy the networks to a device, without gradients; points and rays may be on any device."""
+        coarse, fine = (deepcopy(each).requires_grad_(False).to(device) for each in (self.coarse, self.fine))
+        return replace(self, coarse=coarse, fine=fine)
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
         """rho at world points [1/m], differentiable twice; 0 outside the box."""
