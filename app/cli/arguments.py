@@ -16,7 +16,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from nerfnav.core.errors import InvalidInputError, require_not_negative
 from nerfnav.field import UnknownSpace
 from nerfnav.importers import AXES, MeasuredDistance, Placement
-from nerfnav.navigation import WARNED_SHARE, NavigateConfig, WorldName, explain_blindness
+from nerfnav.navigation import NavigateConfig, WorldName, explain_blindness
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.world import Task
@@ -244,9 +244,9 @@ def note_move(summary: dict[str, Any]) -> None:
 
 
 def note_blindness(summary: dict[str, Any], most: float | None) -> None:
-    """Tell the user of a plan with too little to see: more than --max-blind accepts, or than is usual."""
+    """Tell the user of a plan with too little to see: more than --max-blind accepts, or anywhere."""
     share = (summary.get("expected_sigma") or {}).get("blind_share", 0.0)
-    if share > (WARNED_SHARE if most is None else most):
+    if share > (most or 0.0):
         note(explain_blindness(share, most))
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import UnknownSpace
-from nerfnav.navigation import WARNED_SHARE, ExpectedSigma
+from nerfnav.navigation import ExpectedSigma
 from nerfnav.planner import (
     FLYABLE,
     RISK,
@@ -25,7 +25,7 @@ from nerfnav_app.state.flight import FlightSettings
 
 _SHORTEST_S, LONGEST_S = 0.5, 600.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
-_MODERATE_FROM, _HIGH_ABOVE = 0.01, 0.1
+_MODERATE_FROM, _HIGH_ABOVE, _HIGH_BLIND_ABOVE = 0.01, 0.1, 0.25
 NO_TRAJECTORY = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
 """Outcomes of plans that hold no trajectory from start to goal."""
 
@@ -46,11 +46,10 @@ def classify_risk(probability: float) -> RiskLevel:
 
 
 def classify_blindness(share: float) -> RiskLevel:
-    """Classify the share of a plan with too little to see, 0 to 1: low where there is none, high where users are
-    warned."""
+    """Classify the share of a plan with too little to see, 0 to 1: low where there is none, high above a quarter."""
     if share == 0:
         return RiskLevel.LOW
-    return RiskLevel.HIGH if share > WARNED_SHARE else RiskLevel.MODERATE
+    return RiskLevel.HIGH if share > _HIGH_BLIND_ABOVE else RiskLevel.MODERATE
 
 
 @dataclass(frozen=True)
@@ -253,9 +252,9 @@ class PlanRecord:
 
     @property
     def is_blind(self) -> bool:
-        """True where there is so little to see along the plan that users are warned."""
+        """True where there is too little to see somewhere along the plan, of which users are warned."""
         expected = self.expected_sigma
-        return expected is not None and classify_blindness(expected.blind_share) is RiskLevel.HIGH
+        return expected is not None and expected.blind_share > 0
 
     @property
     def leads(self) -> bool:

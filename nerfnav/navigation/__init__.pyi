@@ -5,7 +5,6 @@ from .episode import FlightStep as FlightStep
 from .episode import Iteration as Iteration
 from .episode import NavigationStep as NavigationStep
 from .episode import is_silent as is_silent
-from .expected_belief import WARNED_SHARE as WARNED_SHARE
 from .expected_belief import can_expect as can_expect
 from .expected_belief import expect_sigma as expect_sigma
 from .expected_belief import explain_blindness as explain_blindness

@@ -5,6 +5,9 @@
 along the states of the plan, with Q the process noise of the flight, H_t the information of the picture that the field
 shows from there (estimator/gauss_newton/expected_information.py), and F the floor of the filter. A flight by the fast
 filter that keeps to its plan has about these covariances; one that holds and looks around has others.
+
+A robot that is expected to be BLIND anywhere, less sure than `SupervisorConfig.widest`, of which three standard
+deviations are the least clearance in which the supervisor lets a robot fly on, may be lost there: users are warned.
 """
 
 import math
@@ -17,6 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator import Belief, ConsiderCovariance, FilterConfig
+from nerfnav.estimator.consistency import REMEDY
 from nerfnav.estimator.core.belief import POSE, add_information, posterior_covariance
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.expected_information import expected_information
@@ -28,8 +32,6 @@ from nerfnav.navigation.episode import ExpectedSigma
 from nerfnav.navigation.flight import FlightContext, NavigateConfig
 from nerfnav.robots import POSITION, Motion, RigidState, Robot, StateNoise
 
-WARNED_SHARE = 0.25
-"""Share of a plan with too little to see above which users are warned."""
 _PICTURES = 16
 """Pictures that are expected along a plan, at most: between two of them H stays."""
 _HEADINGS = 8
@@ -42,8 +44,7 @@ def explain_blindness(share: float, most: float | None = None) -> str:
     """Explain that on a share of the plan, 0 to 1, there is too little to see, and name the remedies; `most` is the
     largest share that is accepted, where it is exceeded."""
     excess = "" if most is None else f", more than the {100 * most:.0f} % that are accepted"
-    remedy = "add texture, light or an inertial unit, or fly higher"
-    return f"too little to see on {100 * share:.0f} % of the way{excess}: {remedy}"
+    return f"too little to see on {max(1, round(100 * share))} % of the way{excess}: {REMEDY}"
 
 
 def can_expect(field: Field) -> bool:

@@ -172,7 +172,8 @@ def correct(
     done = yield from _run_filter(steps, replace(now, image=image), flight)
     if done.update is None or not isinstance(estimator, Predictor):
         return done
-    return replace(done, consistency=monitor.after(done.update))
+    placed = last.recovery is None or not last.recovery.turns
+    return replace(done, consistency=monitor if used is None else monitor.after(done.update, placed))
 
 
 def supervise(

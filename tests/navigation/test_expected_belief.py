@@ -83,6 +83,15 @@ def test_a_flight_with_too_little_to_see_is_refused_on_the_ground_with_the_share
     assert len(fly(blindly)) > 1
 
 
+def test_a_robot_that_is_lost_for_want_of_something_to_see_was_warned_of_and_says_so() -> None:
+    steps = fly(replace(CONFIG, in_sight=0.0), BACKWARD)
+    told = Episode.of(steps).metrics()
+    assert any(change["to"] == "lost" for change in told["transitions"])
+    assert told["expected_sigma"]["blind_share"] > 0
+    assert told["consistency"]["cause"] == "too_little_to_see"
+    assert "too little to see: add texture" in told["consistency"]["sentence"]
+
+
 def test_a_map_error_widens_it_and_does_not_blind() -> None:
     motion, numbers = plan(), (0.1**2 * torch.eye(6)).flatten().tolist()
     known, wrong = (
@@ -105,6 +114,7 @@ def test_nothing_is_expected_blindly_of_a_broken_plan_or_of_a_field_that_only_th
 def test_the_sentence_has_the_share_and_the_remedy() -> None:
     assert explain_blindness(0.62).startswith("too little to see on 62 % of the way: add texture")
     assert "more than the 10 % that are accepted" in explain_blindness(0.62, 0.1)
+    assert " on 1 % of the way" in explain_blindness(0.001)
 
 
 def test_pictures_leave_little_variance_where_something_shows_and_all_of_it_elsewhere() -> None:

@@ -38,5 +38,5 @@ def look_of_sigma(expected: ExpectedSigma) -> RiskLook:
     """Choose text and colour of what the views along a plan will tell."""
     level, blind = classify_blindness(expected.blind_share), ""
     if expected.blind_share:
-        blind = f", too little to see on {100 * expected.blind_share:.0f} % of the way"
+        blind = f", too little to see on {max(1, round(100 * expected.blind_share))} % of the way"
     return RiskLook(f"{100 * expected.median_m:.2g} cm{blind}", _COLORS[level], _FORMATS[level])

@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from nerfnav.navigation import EpisodeOutcome
+from nerfnav.navigation import EpisodeOutcome, SupervisorState
 from nerfnav.planner import planners
 from nerfnav_app.page.kit.html import ROW, LegendEntry, caution, fine, heading, legend, note, warning
 from nerfnav_app.page.kit.risk import look_of_risk
@@ -117,7 +117,7 @@ def describe_landing(flight: FlightRecord) -> str:
         EpisodeOutcome.REACHED: f"{arrived} after {last.time:.1f} s, {far} from the goal",
         EpisodeOutcome.COLLIDED: f"Hit something at {hit:.1f} s, and ended {far} from the goal",
         EpisodeOutcome.OUTSIDE: f"Left the place at {last.time:.1f} s, {far} from the goal",
-        EpisodeOutcome.LOST: f"Lost at {last.time:.1f} s, {far} from the goal: add texture, light or an inertial unit",
+        EpisodeOutcome.LOST: f"Lost at {last.time:.1f} s, {far} from the goal",
         EpisodeOutcome.DIVERGED: f"Lost at {last.time:.1f} s, {far} from the goal: fly again with less noise",
         EpisodeOutcome.TIMEOUT: f"Not arrived after {last.time:.1f} s, {far} from the goal: allow more time",
         EpisodeOutcome.NO_PLAN: "Did not take off: no path to the goal was found",
@@ -126,7 +126,14 @@ def describe_landing(flight: FlightRecord) -> str:
     }
     ended = texts[last.outcome or EpisodeOutcome.STOPPED]
     gust = f". {describe_gust(flight)}" if flight.gusts else ""
-    return f"{ended}{gust}{_of_consistency(flight)}"
+    return f"{ended}{gust}{_of_consistency(flight) or _of_search(flight)}"
+
+
+def _of_search(flight: FlightRecord) -> str:
+    """Describe why a robot was given up, as a further sentence; nothing where it was not."""
+    changes = [step.change for step in flight.steps if step.change is not None]
+    given_up = [change.reason for change in changes if change.after in (SupervisorState.LOST, SupervisorState.LANDING)]
+    return f". {sentence(given_up[0])}" if given_up else ""
 
 
 def _of_consistency(flight: FlightRecord) -> str:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from nerfnav.navigation import EpisodeOutcome
+from nerfnav.navigation import EpisodeOutcome, StateChange, SupervisorState
 from nerfnav_app.jobs.events import JobFinished
 from nerfnav_app.page.kit.html import warning
 from nerfnav_app.page.panels.status.command_palette import entries
@@ -31,6 +31,14 @@ def test_every_outcome_of_a_flight_has_its_words(opened: Session) -> None:
     flights = [landed(opened, outcome).flight for outcome in EpisodeOutcome]
     assert all(flight is not None for flight in flights)
     assert len({describe_landing(flight) for flight in flights if flight is not None}) == len(EpisodeOutcome)
+
+
+def test_a_lost_robot_has_the_reason_for_which_it_was_given_up(opened: Session) -> None:
+    flight = landed(opened, EpisodeOutcome.LOST).flight
+    assert flight is not None and describe_landing(flight).endswith("from the goal")
+    change = StateChange(4, SupervisorState.SEARCHING, SupervisorState.LOST, "searched in vain: nothing was seen")
+    steps = (*flight.steps[:4], replace(flight.steps[4], change=change), *flight.steps[5:])
+    assert describe_landing(replace(flight, steps=steps)).endswith(". Searched in vain: nothing was seen.")
 
 
 @pytest.mark.parametrize(
