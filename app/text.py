@@ -13,6 +13,11 @@ def sentence(text: str) -> str:
     return capital(text) if text.endswith(_ENDS) else f"{capital(text)}."
 
 
+def format_wait(seconds: float) -> str:
+    """Format a waiting time [s], rounded."""
+    return f"{max(1, round(seconds / 5)) * 5} s" if seconds < 90 else f"{round(seconds / 60)} min"
+
+
 def number(value: float, unit: str, digits: int = 3) -> str:
     """Format a number to `digits` digits, with its unit."""
     text = f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"

@@ -21,7 +21,7 @@ from nerfnav.robots import Motion
 from nerfnav.tracking import TrackedFrame
 from nerfnav_app.places.place import Place
 
-COMPILING = "compiling kernels, once on this machine"
+COMPILING = "compiling kernels, once on this machine: about a minute"
 """Progress label of any job while it waits for the compiler."""
 
 
@@ -33,6 +33,8 @@ class Progress:
     """Present work, such as "optimising"."""
     fraction: float
     """0 to 1."""
+    left_s: float | None = None
+    """Time to the end of the job's present part, such as a training [s]; None while unknown."""
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,20 @@
-"""Sparse model for viewers: the cameras and points of structure from motion, before there is a field."""
+"""Sparse model for viewers: the cameras and points of photographs, before there is a field."""
 
 import numpy as np
 import trimesh
 
+from nerfnav.geometry import Box
 from nerfnav.importers.captures.placement import estimate_up
-from nerfnav.importers.captures.pose_frames import SparseModel
 from nerfnav.importers.core.placement import rotation_to_z
+from nerfnav.importers.core.progress import SparseModel
 from nerfnav_app.places.surface_glb import encode_colored_glb
 
 _MOST_POINTS = 4000
-_EDGE, _POINT, _CAMERA = 10.0, 0.02, 0.2
-"""Longest edge of what is shown, radius of a point, length of a camera [m]: a model grows and its unit changes, but the
-view of it stays."""
+_EDGE = 10.0
+"""Longest edge of what is shown while cameras are being posed [m]: a model grows and its unit changes, but the view of
+it stays."""
+_POINT, _CAMERA = 0.002, 0.02
+"""Radius of a point and length of a camera, in longest edges of the box."""
 _ASTRAY = 0.02
 """Share of the points on each side of each axis that is not shown: some points are wrong, and far away."""
 _POINT_COLOR, _CAMERA_COLOR = (120, 150, 180), (235, 120, 30)
@@ -28,22 +31,35 @@ _PYRAMID = trimesh.Trimesh(
 
 
 def encode_sparse_model(model: SparseModel) -> bytes:
-    """Cameras as pyramids and points as tetrahedra, z up as far as the cameras tell, as unlit binary glTF.
+    """Cameras as pyramids and the points in its box as tetrahedra, as unlit binary glTF.
 
-    The model has two cameras or more, apart from each other.
+    A model without a box has two cameras or more, apart from each other; it is turned until z is up, as far as the
+    cameras tell, and scaled.
     """
+    boxed = _boxed(model) if model.box is None else model
+    assert boxed.box is not None
+    box = (boxed.box.lower.tolist(), boxed.box.upper.tolist())
+    inside = ((boxed.points >= box[0]) & (boxed.points <= box[1])).all(1)
+    points = boxed.points[inside]
+    points = points[:: -(-len(points) // _MOST_POINTS) or 1]
+    edge = float(boxed.box.size.max())
+    specks = _copies(_TETRAHEDRON, _POINT * edge, points, np.eye(3)[None], _POINT_COLOR)
+    cameras = _copies(_PYRAMID, _CAMERA * edge, boxed.poses[:, :3, 3], boxed.poses[:, :3, :3], _CAMERA_COLOR)
+    return encode_colored_glb(specks + cameras, box)
+
+
+def _boxed(model: SparseModel) -> SparseModel:
+    """The model upright in a box of `_EDGE`, in which it fits but for its outermost points."""
     turn = rotation_to_z(estimate_up(model.poses)[0])
     centers, points = model.poses[:, :3, 3] @ turn.T, model.points @ turn.T
     if len(points):
         lower, upper = np.quantile(points, (_ASTRAY, 1 - _ASTRAY), axis=0)
         points = points[((points >= lower) & (points <= upper)).all(1)]
-        points = points[:: -(-len(points) // _MOST_POINTS) or 1]
     shown = np.concatenate([centers, points])
-    lower, upper = shown.min(0), shown.max(0)
-    centers, points = ((each - (lower + upper) / 2) * (_EDGE / (upper - lower).max()) for each in (centers, points))
-    specks = _copies(_TETRAHEDRON, _POINT, points, np.eye(3)[None], _POINT_COLOR)
-    cameras = _copies(_PYRAMID, _CAMERA, centers, turn @ model.poses[:, :3, :3], _CAMERA_COLOR)
-    return encode_colored_glb(specks + cameras, (3 * [-_EDGE / 2], 3 * [_EDGE / 2]))
+    middle, scale = (shown.min(0) + shown.max(0)) / 2, _EDGE / np.ptp(shown, axis=0).max()
+    poses = model.poses.copy()
+    poses[:, :3, :3], poses[:, :3, 3] = turn @ model.poses[:, :3, :3], scale * (centers - middle)
+    return SparseModel(poses, scale * (points - middle), Box.of(*(np.full(3, sign * _EDGE / 2) for sign in (-1, 1))))
 
 
 def _copies(

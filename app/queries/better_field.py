@@ -11,6 +11,7 @@ from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import VoxelField
+from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.places.sources import BUDGETS_S, QualityName
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice
@@ -22,10 +23,12 @@ from nerfnav_app.state.session import Session
 class Refinement:
     """State of a refinement in progress."""
 
-    going: Generator[VoxelField | None, None, None]
+    going: Generator[JobEvent | VoxelField, None, None]
     """Its generator, for the worker's thread alone."""
     better: VoxelField | None = None
     """The field of this step, where it is better than the one before it."""
+    left_s: float | None = None
+    """Time to the trained field, while nothing else is computed [s]; None while unknown."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +71,13 @@ class BetterFieldQuery(Query[Refinement]):
 
     def answer(self, resources: Resources) -> Refinement:
         """Advance by a step."""
-        going = self._begin(resources) if self.refinement is None else self.refinement.going
-        return Refinement(going, next(going))
+        before = self.refinement or Refinement(self._begin(resources))
+        step = next(before.going)
+        if isinstance(step, VoxelField):
+            return Refinement(before.going, step)
+        return replace(before, better=None, left_s=step.left_s if isinstance(step, Progress) else before.left_s)
 
-    def _begin(self, resources: Resources) -> Generator[VoxelField | None, None, None]:
+    def _begin(self, resources: Resources) -> Generator[JobEvent | VoxelField, None, None]:
         from nerfnav_app.jobs.field import baked, drafts  # slow to import, and seldom needed
 
         place = resources.place

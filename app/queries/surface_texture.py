@@ -61,10 +61,10 @@ class SurfaceTextureQuery(Query[Baking]):
         return Baking(going)
 
     def apply(self, session: Session, result: Baking) -> Session:
-        """Show it once it is done, unless the surface has changed since."""
+        """Show it once it is done, unless the surface has changed since; a field of fog has none."""
         if session.surface is not self.rough:
             return session
         if result.glb is None:
             return super().apply(session, result)
         kept = {slot: pair for slot, pair in session.results.items() if slot != self.slot}
-        return replace(session, surface=result.glb, surface_is_rough=False, results=kept)
+        return replace(session, surface=result.glb or None, surface_is_rough=False, results=kept)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseResult, RelocaliseStep
-from nerfnav.field import TrainStep
 from nerfnav.importers import UNIT_ASSUMED, warn_implausible_size
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
@@ -42,12 +41,8 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
             return replace(session, download=made)
         case e.TrajectoryRefused(refusal):
             return replace(session, refused_export=RefusedExport(refusal, replace(session, job=None).asked))
-        case e.Progress(label, fraction):
-            left_s = job.left_s if label == job.label else None
+        case e.Progress(label, fraction, left_s):
             return replace(session, job=replace(job, label=label, fraction=fraction, left_s=left_s))
-        case TrainStep():
-            learning = replace(job, label="Learning the field", fraction=event.fraction, left_s=event.seconds_left)
-            return replace(session, job=learning)
         case PlanStep() | FilterStep() | NavigationStep():
             return _add_step(session, job, event)
         case RelocaliseStep():
@@ -94,7 +89,9 @@ def _choose_robot(session: Session, place: Place) -> Session:
 def _show_field(session: Session) -> Session:
     """Show the field itself, with a notice that the place has no surface."""
     learned = session.place is not None and session.place.field.info.made_by == "trained"
-    seen = replace(session, view_settings=replace(session.view_settings, backdrop=Backdrop.RENDER))
+    rendered = replace(session.view_settings, backdrop=Backdrop.RENDER)
+    # what was shown before there was a field, such as cameras and points, is not its surface
+    seen = replace(session, surface=None, surface_is_rough=False, view_settings=rendered)
     remedy = " Train it longer or on more pictures." if learned else ""
     return add_notice(seen, "No surface", f"This field has no surface: its fog is rendered as it is.{remedy}", bad=True)
 

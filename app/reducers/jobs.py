@@ -101,7 +101,8 @@ def begin_job(
     fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=session.new_plan(session.ends))
-    return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends, flown_by=session.flown_by))
+    flight = FlightRecord(session.ends, flown_by=session.flown_by, flown_in=session.field_made_by)
+    return replace(fresh, plan=job.first_plan, flight=flight)
 
 
 def _begin_plan(session: Session) -> Session:

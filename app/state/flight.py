@@ -120,6 +120,8 @@ class FlightRecord:
     """Time steps in which the goal was moved; not known of stored flights."""
     flown_by: Hashable = None
     """`Session.flown_by` when it began; None for stored flights, whose settings are not known."""
+    flown_in: str = ""
+    """`Session.field_made_by` when it began; empty for stored flights."""
 
     @property
     def gusts(self) -> tuple[int, ...]:

@@ -201,6 +201,8 @@ class PlanRecord:
     """Settings of the request."""
     flight: FlightSettings = field(default_factory=FlightSettings)
     """Settings of the flight that the plan is for: its noise and its world count in the plan."""
+    field_made_by: str = ""
+    """`Session.field_made_by` at that time; empty where it is not known."""
     draft: bool = False
     """True for a plan that follows the hand while it drags an end: it is not checked for safety."""
     refusal: str = ""

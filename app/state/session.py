@@ -154,18 +154,25 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         return last.refusal if last is not None and last.cause == self.asked else None
 
     @property
+    def field_made_by(self) -> str:
+        """How the field came about: it changes when a trained field replaces a draft."""
+        return "" if self.place is None else self.place.field.info.made_by
+
+    @property
     def plan_is_stale(self) -> bool:
-        """True where ends, planner, settings, noise or world have changed since the plan was requested."""
+        """True where ends, planner, settings, noise or world have changed since the plan was requested, or a draft was
+        replaced."""
         plan = self.plan
         if plan is None:
             return False
         flight, now = plan.flight, self.flight_settings
         asked = self.ends, self.choice.planner, self.plan_settings, now.noise, now.world
-        return (plan.ends, plan.planner, plan.settings, flight.noise, flight.world) != asked
+        replaced = plan.field_made_by not in ("", self.field_made_by)
+        return replaced or (plan.ends, plan.planner, plan.settings, flight.noise, flight.world) != asked
 
     def new_plan(self, ends: Ends) -> PlanRecord:
         """Begin the record of a plan between `ends` with the settings of now."""
-        return PlanRecord(ends, self.choice.planner, self.plan_settings, self.flight_settings)
+        return PlanRecord(ends, self.choice.planner, self.plan_settings, self.flight_settings, self.field_made_by)
 
     @property
     def fresh_plan(self) -> PlanRecord | None:
@@ -220,9 +227,14 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         return self.choice, self.plan_settings, replace(self.flight_settings, pace=FlightSettings.pace)
 
     @property
-    def flight_has_old_settings(self) -> bool:
-        """True where settings have changed since the flight began."""
-        return self.flight is not None and self.flight.flown_by not in (None, self.flown_by)
+    def flight_outdated_by(self) -> str:
+        """Name what was replaced since the flight began: a draft of the "field", or "settings"; else empty."""
+        flight = self.flight
+        if flight is None:
+            return ""
+        if flight.flown_in not in ("", self.field_made_by):
+            return "field"
+        return "" if flight.flown_by in (None, self.flown_by) else "settings"
 
     @property
     def flight_is_shown(self) -> bool:

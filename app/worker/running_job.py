@@ -3,7 +3,6 @@
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
@@ -56,7 +55,7 @@ class RunningJob:
         """
 
         def report(compiles: bool) -> None:
-            meanwhile(replace(self._reached, label=COMPILING) if compiles else self._reached)
+            meanwhile(Progress(COMPILING, self._reached.fraction) if compiles else self._reached)
 
         if self._between_steps:
             self._begun_at, self._between_steps = time.monotonic(), False

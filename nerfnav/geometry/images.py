@@ -84,6 +84,24 @@ class PosedImages:
             mask=mask,
         )  # fmt: skip
 
+    def shrunk(self, longest: int) -> "PosedImages":
+        """The images with at most so many pixels along each side, each the mean of a whole number of pixels squared.
+
+        A pixel counts where all of its pixels do. Depths stay as they are.
+        """
+        factor = -(-max(self.camera.width, self.camera.height) // longest)
+        if factor == 1:
+            return self
+        size = max(1, self.camera.width // factor), max(1, self.camera.height // factor)
+        images = [cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA) for image in self.images]
+        shown, mask = (
+            None if each is None else _shares(each, size) for each in (self.silhouettes, self.mask)
+        )  # fmt: skip
+        return replace(
+            self, images=torch.from_numpy(np.stack(images)), camera=self.camera.resized(*size),
+            silhouettes=None if shown is None else shown > 0, mask=None if mask is None else mask == 1,
+        )  # fmt: skip
+
     @property
     def depth_camera(self) -> Camera:
         """The camera of the depths. Raises ValueError where there are none."""
@@ -94,6 +112,12 @@ class PosedImages:
     def without_depth(self) -> "PosedImages":
         """The same images without their depth."""
         return replace(self, depth=None)
+
+
+def _shares(masks: Bool[Tensor, "n h w"], size: tuple[int, int]) -> Float[Tensor, "n height width"]:
+    """Share of each pixel of fewer pixels, (width, height), that is set."""
+    resized = [cv2.resize(mask.numpy().astype(np.float32), size, interpolation=cv2.INTER_AREA) for mask in masks]
+    return torch.from_numpy(np.stack(resized))
 
 
 def count_outside_silhouettes(

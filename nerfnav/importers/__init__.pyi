@@ -1,6 +1,7 @@
 from .alignment import Alignment as Alignment
 from .alignment import AlignmentRequest as AlignmentRequest
 from .alignment import compute_alignment as compute_alignment
+from .alignment import turn_about_axes as turn_about_axes
 from .captures.config import ImportConfig as ImportConfig
 from .captures.config import ImportedCapture as ImportedCapture
 from .captures.importer import import_capture as import_capture

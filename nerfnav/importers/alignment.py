@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError, require_positive
-from nerfnav.geometry import Box, Similarity
+from nerfnav.geometry import Box, Similarity, so3
 from nerfnav.geometry.plane import Plane, RansacConfig, fit_plane, plane_through
 from nerfnav.importers.core.placement import (
     MeasuredDistance,
@@ -147,9 +147,20 @@ def _floor(
     return found
 
 
+def turn_about_axes(degrees: Vector) -> Similarity:
+    """Turn about the x axis, then y, then z of the world, through the origin, by angles [degrees]."""
+    axes = torch.eye(3, dtype=torch.float64)
+    x, y, z = (so3.exp(math.radians(angle) * axis) for angle, axis in zip(degrees, axes, strict=True))
+    return Similarity(_exact(z @ y @ x), torch.zeros(3, dtype=torch.float64), 1.0)
+
+
 def _turn(up: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
-    """The smallest rotation that takes a direction to z; quarter turns and no turn at all without rounding."""
-    rotation = torch.from_numpy(rotation_to_z(up.numpy()))
+    """The smallest rotation that takes a direction to z."""
+    return _exact(torch.from_numpy(rotation_to_z(up.numpy())))
+
+
+def _exact(rotation: Float[Tensor, "3 3"]) -> Float[Tensor, "3 3"]:
+    """The rotation; quarter turns and no turn at all without rounding."""
     whole = rotation.round()
     return whole if (rotation - whole).abs().max() < _LEVEL else rotation
 

@@ -36,6 +36,22 @@ def test_each_pixel_of_a_reduced_picture_is_the_mean_over_its_area():
     torch.testing.assert_close(small, expected.reshape(-1, 3))
 
 
+def test_images_with_fewer_pixels_show_the_same_and_keep_what_their_masks_say():
+    camera = Camera.from_fov(9, 6, 60)
+    images = torch.arange(2 * 6 * 9 * 3).reshape(2, 6, 9, 3).remainder(250).to(torch.uint8)
+    mask, shown = torch.ones(2, 6, 9, dtype=torch.bool), torch.zeros(2, 6, 9, dtype=torch.bool)
+    mask[0, 0, 0], shown[1, 5, 8] = False, True
+    poses = Pose(torch.eye(3).repeat(2, 1, 1), torch.zeros(2, 3))
+    full = PosedImages(images, camera, poses, depth=torch.ones(2, 6, 9), silhouettes=shown, mask=mask)
+    small = full.shrunk(4)
+    assert small.images.shape == (2, 2, 3, 3) and (small.camera.width, small.camera.height) == (3, 2)
+    assert small.camera.fx == pytest.approx(camera.fx / 3) and small.camera.cx == pytest.approx(1.5)
+    assert torch.allclose(small.images[0, 1, 2].float(), images[0, 3:, 6:].float().mean((0, 1)), atol=1)
+    assert small.mask is not None and small.mask.logical_not().nonzero().tolist() == [[0, 0, 0]]
+    assert small.silhouettes is not None and small.silhouettes.nonzero().tolist() == [[1, 1, 2]]
+    assert small.depth is full.depth and full.shrunk(9) is full
+
+
 def test_a_tenth_of_full_scale_is_twenty_decibels_of_noise():
     assert psnr_db(0.1**2) == pytest.approx(20)
     assert psnr_db(0.0) == pytest.approx(100)

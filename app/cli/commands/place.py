@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from nerfnav.importers import AlignmentRequest
+from nerfnav.importers import AlignmentRequest, turn_about_axes
 from nerfnav_app.cli.arguments import Corners, Up, measured_distance, numbers_argument, vector
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output
@@ -14,21 +14,24 @@ from nerfnav_app.jobs.field.georeference import PlaceRequest
 from nerfnav_app.jobs.field.georeference import run as run_job
 
 Measured = Annotated[tuple[float, ...] | None, numbers_argument("measure", "X Y Z X Y Z DISTANCE")]
+Turn = Annotated[tuple[float, ...] | None, numbers_argument("turn", "X Y Z")]
 Floor = Annotated[tuple[float, ...] | None, numbers_argument("floor", "X Y Z X Y Z X Y Z")]
 
 
 @dataclass(frozen=True)
 class Arguments(Output):
-    """Set the scale and the floor of a field, and crop it, without training it again.
+    """Turn a field, set its scale and its floor, and crop it, without training it again.
 
-    Points are in the present coordinates of the field; numbers may be separated by commas. The floor comes to z = 0.
-    Guesses and changes are printed.
+    Points are in the present coordinates of the field, after --turn; numbers may be separated by commas. The floor
+    comes to z = 0. Guesses and changes are printed.
     """
 
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
     out: Path
     """File for the new field, another one than FIELD. Splats and ground truth are kept beside it."""
+    turn: Turn = None
+    """Turn about the x axis, then y, then z, through the origin [degrees]."""
     measure: Measured = None
     """Two points, and their true distance [m]."""
     scale: float | None = None
@@ -45,8 +48,9 @@ class Arguments(Output):
 
 def run(arguments: Arguments) -> None:
     """Georeference the field, store it, and print what has changed."""
-    measured, floor, box = arguments.measure, arguments.floor, arguments.box
+    turn, measured, floor, box = arguments.turn, arguments.measure, arguments.floor, arguments.box
     correction = AlignmentRequest(
+        moved=turn_about_axes(vector(turn)) if turn is not None and any(turn) else None,
         measured=None if measured is None else measured_distance(measured),
         scale=arguments.scale,
         floor=None if floor is None else (vector(floor[:3]), vector(floor[3:6]), vector(floor[6:])),

@@ -69,16 +69,16 @@ def learn_colors(field: VoxelField, scene: Scene, seconds: float) -> Generator[J
 
 def refine(
     field: VoxelField, scene: Scene, file: Path, seconds: float
-) -> Generator[VoxelField | None, None, None]:
+) -> Generator[JobEvent | VoxelField, None, None]:
     """Calibrate a baked field, where that was not done, and learn its colours; store each better field in its file.
 
-    Yields None after each step, and each better field once.
+    Yields progress, and each better field once.
     """
     if field.info.noise_std is None:
-        field, _ = yield from map_steps(calibrate(field, scene), lambda _: None)
+        field, _ = yield from calibrate(field, scene)
         save_field(field, file)
         yield field
-    field = yield from map_steps(learn_colors(field, scene, seconds), lambda _: None)
+    field = yield from learn_colors(field, scene, seconds)
     save_field(field, file)
     yield field
 

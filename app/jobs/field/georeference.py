@@ -147,7 +147,7 @@ def run(request: PlaceRequest) -> JobEvents:
     """
     correction = request.correction
     if correction.is_empty:
-        raise InvalidInputError("nothing is to be changed: give --measure, --scale, --floor, --up or --box")
+        raise InvalidInputError("nothing is to be changed: give --turn, --measure, --scale, --floor, --up or --box")
     path = field_file(request.what)
     out = prepare_file(request.out)
     if out.exists() and out.samefile(path):

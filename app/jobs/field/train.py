@@ -88,7 +88,10 @@ def learn_voxels(
 ) -> Generator[JobEvent, bool | None, VoxelField]:
     """Yield reports and progress; return the field. Send True to end early. `config.budget` is a part of `budget`."""
     steps = train(material.learned, material.held_out, material.box, material.background, config, generator, budget)
-    return relay_steps(steps, lambda step: (step,) if step.last else (step, Progress("training", step.fraction)))
+    return relay_steps(
+        steps,
+        lambda step: (step,) if step.last else (step, Progress("training", step.fraction, step.seconds_left)),
+    )
 
 
 _LAYERS_BEFORE_SKIP = 5
@@ -134,7 +137,20 @@ def run(request: TrainRequest, clock: Deadline | None = None) -> JobEvents:
 
 
 def learn(request: TrainRequest, material: TrainingData, budget: Deadline, made_by: str = "trained") -> JobEvents:
-    """Train a field of photographs that were read within the budget, judge it and store it, as `run` does."""
+    """Train a field of photographs that were read within the budget, judge it and store it, as `run` does.
+
+    Progress says how much of the budget is left.
+    """
+    return map_steps(_learn(request, material, budget, made_by), lambda event: _with_time_left(event, budget))
+
+
+def _with_time_left(event: JobEvent, budget: Deadline) -> JobEvent:
+    """The event with what is left of a budget; nothing is claimed once that is exceeded."""
+    timed = isinstance(event, Progress) and math.isfinite(budget.seconds)
+    return replace(event, left_s=budget.left_s if budget.left_s > 0 else None) if timed else event
+
+
+def _learn(request: TrainRequest, material: TrainingData, budget: Deadline, made_by: str) -> JobEvents:
     out = request.out
     reading_s = budget.elapsed_s
     request = replace(request, budget=time_to_train(budget))

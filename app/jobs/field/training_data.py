@@ -18,7 +18,6 @@ from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.formats import KeyReport
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
-from nerfnav.importers.captures.posing import PosingStep
 from nerfnav.importers.core.progress import ImportStep
 from nerfnav.world import Scene
 from nerfnav_app.jobs.events import JobEvent, Progress, SurfaceShaped
@@ -71,7 +70,7 @@ class TrainingData:
 def relay_import(
     steps: Generator[ImportStep, None, Imported], doing: str
 ) -> Generator[JobEvent, bool | None, Imported]:
-    """Yield the steps of an import as progress, and cameras and points as soon as they are posed; return its result.
+    """Yield the steps of an import as progress, and cameras and points as soon as they are known; return its result.
 
     Raises StoppedError where it is stopped.
     """
@@ -82,7 +81,7 @@ def relay_import(
             except StopIteration as end:
                 return end.value
             stop = None
-            if isinstance(step, PosingStep) and step.model is not None:
+            if step.model is not None:
                 from nerfnav_app.places.sparse_model import encode_sparse_model  # slow to import
 
                 stop = yield SurfaceShaped(encode_sparse_model(step.model), rough=True)

@@ -12,9 +12,9 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import run_steps
 from nerfnav.field import UnknownSpace, VoxelField
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
-from nerfnav.planner import FLYABLE, OccupancyConfig
+from nerfnav.planner import FLYABLE, OccupancyConfig, PlanOutcome
 from nerfnav.planner.objective.default_ends import propose_ends
-from nerfnav_app.jobs.events import SurfaceShaped
+from nerfnav_app.jobs.events import JobEvent, SurfaceShaped
 from nerfnav_app.jobs.export.surface import build_first_surface
 from nerfnav_app.jobs.field import baked, drafts
 from nerfnav_app.jobs.fly import fly
@@ -26,7 +26,8 @@ from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
 from nerfnav_app.places.sources import USUAL
 
-_FLYABLE = {outcome.name.lower() for outcome in FLYABLE}
+_PLANNED = {outcome.name.lower() for outcome in (*FLYABLE, PlanOutcome.LIKELY_COLLISION)}
+"""Outcomes of plans that are flown, those among them of which the user is asked first: their risk is high."""
 
 
 def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[str, Any]:
@@ -50,7 +51,8 @@ def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[
         build_first_surface(place)
         note("shown")
     request = plan.PlanRequest(_first_ends(place), shortest=True)
-    if run_steps(plan.run(request, place)).summary["outcome"] in _FLYABLE:
+    outcome_planned = run_steps(plan.run(request, place)).summary["outcome"]
+    if outcome_planned in _PLANNED:
         note("planned")
     stages = _stages(place, source, seconds)
     if place.scene is not None:  # calibrated
@@ -65,6 +67,7 @@ def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[
         "made_by": made_by,
         "cpu_s": worked,
         "psnr_db": place.field.info.psnr_db,
+        "outcome_planned": outcome_planned,
         "outcome": flown["outcome"],
         "position_p95_m": errors,
         "outcome_full": flown_on["outcome"],
@@ -91,7 +94,7 @@ def _first_ends(place: Place) -> Ends:
     return Ends(*map(End.of_state, found))
 
 
-def _stages(place: Place, source: Path, seconds: float) -> Iterator[VoxelField | None]:
+def _stages(place: Place, source: Path, seconds: float) -> Iterator[JobEvent | VoxelField]:
     """Better fields of the place, if there are any: of a mesh two, of a capture one."""
     assert place.file is not None, "it was opened from a file"
     if place.scene is not None and isinstance(place.field, VoxelField):
@@ -99,9 +102,9 @@ def _stages(place: Place, source: Path, seconds: float) -> Iterator[VoxelField |
     return drafts.refine(source, place.file, USUAL, seconds) if place.field.info.is_draft else iter(())
 
 
-def _better(place: Place, stages: Iterator[VoxelField | None]) -> Place:
+def _better(place: Place, stages: Iterator[JobEvent | VoxelField]) -> Place:
     """The place with its next better field, or as it is where there is none."""
-    return replace(place, field=next((field for field in stages if field is not None), place.field))
+    return replace(place, field=next((step for step in stages if isinstance(step, VoxelField)), place.field))
 
 
 def _fly(request: plan.PlanRequest, place: Place) -> tuple[dict[str, Any], float | None]:

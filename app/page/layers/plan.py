@@ -115,7 +115,7 @@ class PlanStyle(Enum):
 
     HIDDEN = "not drawn: there is no trajectory, a flight shows its own, or it is switched off"
     WANTED = "in the plan's colour: up to date, or a moment behind the hand"
-    STALE = "grey: ends or settings have changed since"
+    STALE = "grey: ends, settings or the field have changed since"
     UNSAFE = "red dashes: not to be flown"
 
 

@@ -9,6 +9,7 @@ from torch import Tensor
 from nerfnav.formats import KeyReport
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.progress import SparseModel
 
 
 @dataclass(frozen=True)
@@ -83,3 +84,5 @@ class ImportedCapture:
     """True for cut-out pictures: nothing is outside the box."""
     report: CaptureReport
     """Counts, sizes, placement and guesses."""
+    model: SparseModel
+    """Cameras and points, to be shown before there is a field."""

@@ -20,10 +20,9 @@ from nerfnav.importers.captures.config import CaptureReport, ImportConfig, Impor
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.masks import add_masks, read_mask, shrink_mask
 from nerfnav.importers.captures.pictures import Picture
-from nerfnav.importers.captures.placement import CameraWorld, guess_box, place_cameras
+from nerfnav.importers.captures.placement import CameraWorld, guess_box, known_points, place_cameras
 from nerfnav.importers.captures.views import CaptureError, Tracks, View, Views
-from nerfnav.importers.core.placement import Placement
-from nerfnav.importers.core.progress import ImportStep
+from nerfnav.importers.core.progress import ImportStep, SparseModel
 
 LEAST_IMAGES = 4
 """Fewest photographs that constrain depth."""
@@ -131,7 +130,12 @@ def assemble_capture(found: Views, read: Photographs, config: ImportConfig, down
     if found.tracks is not None:
         sightings = _unmasked(_sightings(found.tracks, read.views, world), photographs)
         photographs = replace(photographs, sightings=sightings)
-    box, guesses = _box(photographs, world, config.placement)
+    if config.placement.box is None:
+        guessed = guess_box(photographs, world.poses)
+        box, points, guesses = guessed.box, guessed.points, (f"box: {guessed.box.describe()}, around {guessed.around}",)
+    else:
+        box = Box.of(*(np.array(corner) - world.origin for corner in config.placement.box))
+        points, guesses = known_points(photographs, world.poses), ()
     if config.downscale is None and downscale > 1:
         guesses += (f"downscale: photographs are made {downscale} times smaller, to {LONGEST} pixels at most",)
     learned, held_out = split_held_out(photographs, [view.test for view in read.views], config.held_out_every)
@@ -156,7 +160,7 @@ def assemble_capture(found: Views, read: Photographs, config: ImportConfig, down
         guesses=found.guesses + world.guesses + guesses,
         input_keys=found.keys,
     )
-    return ImportedCapture(learned, held_out, box, background, cut_out, report)
+    return ImportedCapture(learned, held_out, box, background, cut_out, report, SparseModel(world.poses, points, box))
 
 
 def _camera(shot: pictures.Picture) -> tuple[float, ...]:
@@ -211,14 +215,6 @@ def _mean_color(photographs: PosedImages) -> Float[torch.Tensor, "3"]:
     return counted.float().mean(tuple(range(counted.ndim - 1))) / 255
 
 
-def _box(photographs: PosedImages, world: CameraWorld, placement: Placement) -> tuple[Box, tuple[str, ...]]:
-    """The box of the field, and what was guessed of it."""
-    if placement.box is not None:
-        return Box.of(*(np.array(corner) - world.origin for corner in placement.box)), ()
-    box, why = guess_box(photographs, world.poses)
-    return box, (f"box: {box.describe()}, around {why}",)
-
-
 def _rounded(point: np.ndarray) -> tuple[float, ...]:
     return tuple(round(float(number), 4) for number in point)
 
@@ -261,5 +257,5 @@ def import_capture(source: Path, config: ImportConfig) -> Generator[ImportStep, 
     require_enough(found, read.views)
     require_parallax(np.stack([view.pose for view in read.views]))
     capture = assemble_capture(found, read, config, downscale or 1)
-    yield ImportStep(doing, 1.0)
+    yield ImportStep(doing, 1.0, capture.model)
     return capture

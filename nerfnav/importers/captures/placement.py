@@ -143,23 +143,44 @@ _MOST = 0.5
 """Share of the points that the box of the cameras must hold, or it is not what they show."""
 
 
-def guess_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> tuple[Box, str]:
-    """The box [m], and in words what it is around; `poses` are T_world_camera."""
+@dataclass(frozen=True, eq=False)
+class GuessedBox:
+    """Guessed box of a field, with the points that it was guessed by."""
+
+    box: Box
+    """The box [m]."""
+    around: str
+    """In words, what it is around."""
+    points: Float[np.ndarray, "m 3"]
+    """Points that the photographs show [m]; none of cut-out pictures, whose outlines tell more."""
+
+
+def known_points(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "m 3"]:
+    """Points [m] of the depth maps, else of structure from motion; none where the capture has neither."""
     if photographs.depth is not None:
-        shown = depths.points_of(photographs.depth, photographs.depth_camera, poses)
-        return box_of_points(shown, poses), "the cameras and what the depth maps show"
+        return depths.points_of(photographs.depth, photographs.depth_camera, poses)
+    return np.zeros((0, 3)) if photographs.sightings is None else photographs.sightings.points.double().numpy()
+
+
+def guess_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> GuessedBox:
+    """Guess the box; `poses` are T_world_camera."""
+    points = known_points(photographs, poses)
+    if photographs.depth is not None:
+        return GuessedBox(box_of_points(points, poses), "the cameras and what the depth maps show", points)
     cameras = box_of_cameras(poses)
     cut = None if photographs.silhouettes is None else box_of_silhouettes(photographs, cameras)
     if cut is not None:
-        return cut, "what the pictures do not leave clear"
-    found = photographs.sightings
-    points = triangulate_points(photographs) if found is None else found.points.double().numpy()
+        return GuessedBox(cut, "what the pictures do not leave clear", points)
+    if photographs.sightings is None:
+        points = triangulate_points(photographs)
+    around = "the cameras and what they look at"
     if len(points) < _ENOUGH:
-        return cameras, "the cameras and what they look at"
+        return GuessedBox(cameras, around, points)
     held = float(cameras.contains(torch.from_numpy(points).float()).float().mean())
     if held < _MOST:
-        return box_of_points(points, poses), "the cameras and the points that the pictures agree on"
-    return cameras, f"the cameras and what they look at, which is {held:.0%} of the points that the pictures agree on"
+        box = box_of_points(points, poses)
+        return GuessedBox(box, "the cameras and the points that the pictures agree on", points)
+    return GuessedBox(cameras, f"{around}, which is {held:.0%} of the points that the pictures agree on", points)
 
 
 @dataclass(frozen=True, eq=False)

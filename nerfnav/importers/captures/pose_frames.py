@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from nerfnav.importers.core.progress import SparseModel
+
 DATABASE, LOG = "database.db", "posing.log"
 """Files of COLMAP in the capture's folder."""
 _PIXELS = 1200
@@ -45,16 +47,6 @@ class Stage(Enum):
     FEATURES = auto()
     MATCHES = auto()
     POSES = auto()
-
-
-@dataclass(frozen=True, eq=False)
-class SparseModel:
-    """Cameras and points so far, in a frame and a unit of their own."""
-
-    poses: np.ndarray
-    """T_world_camera with OpenGL axes (n, 4, 4)."""
-    points: np.ndarray
-    """Points that at least three frames see (m, 3)."""
 
 
 @dataclass(frozen=True)

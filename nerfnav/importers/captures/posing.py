@@ -6,7 +6,7 @@ import sqlite3
 import zipfile
 from collections.abc import Generator
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -17,14 +17,13 @@ from nerfnav.importers.captures.pose_frames import (
     DATABASE,
     LOG,
     PosingFailure,
-    SparseModel,
     Stage,
     StageReport,
     pair_frames,
     pose_frames,
 )
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.core.progress import ImportStep
+from nerfnav.importers.core.progress import ImportStep, SparseModel
 
 _BEGINS = {Stage.FEATURES: 0.0, Stage.MATCHES: 0.35, Stage.POSES: 0.6}
 _ENDS = {Stage.FEATURES: 0.35, Stage.MATCHES: 0.6, Stage.POSES: 1.0}
@@ -46,15 +45,7 @@ _DARK, _PLAIN = 45.0, 150
 """Brightness, 0 to 255, and features below which a frame is dark or plain."""
 
 
-@dataclass(frozen=True, eq=False)
-class PosingStep(ImportStep):
-    """Progress of structure from motion, with what it has found so far."""
-
-    model: SparseModel | None = None
-    """Cameras and points so far, now and then."""
-
-
-def estimate_poses(folder: Path, threads: int, begin: float = 0.0) -> Generator[PosingStep, None, SparseModel]:
+def estimate_poses(folder: Path, threads: int, begin: float = 0.0) -> Generator[ImportStep, None, SparseModel]:
     """Pose the pictures of `folder`/images into `folder`/sparse, and return the largest model.
 
     The same pictures are posed once on this machine, so that fields that are trained of them later have the same world.
@@ -69,7 +60,7 @@ def estimate_poses(folder: Path, threads: int, begin: float = 0.0) -> Generator[
         model = yield from _run_process(folder, names, threads, begin)
         if len(model.poses):
             cache.store(_KIND, key, _pack(model, folder))
-    yield PosingStep(_LABELS[Stage.POSES].format(len(model.poses), len(names)), 1.0, model)
+    yield ImportStep(_LABELS[Stage.POSES].format(len(model.poses), len(names)), 1.0, model)
     return model
 
 
@@ -93,7 +84,7 @@ def _unpack(kept: bytes, folder: Path) -> SparseModel:
 
 def _run_process(
     folder: Path, names: list[str], threads: int, begin: float
-) -> Generator[PosingStep, None, SparseModel]:
+) -> Generator[ImportStep, None, SparseModel]:
     """Pose the pictures in a process, yield its progress, and return the largest model."""
     of = {Stage.FEATURES: len(names), Stage.MATCHES: len(list(pair_frames(names))), Stage.POSES: len(names)}
     context = multiprocessing.get_context("spawn")
@@ -107,7 +98,7 @@ def _run_process(
             first, last = _BEGINS[report.stage], _ENDS[report.stage]
             share = first + (last - first) * report.done / of[report.stage]
             label = _LABELS[report.stage].format(report.done, of[report.stage])
-            yield PosingStep(label, begin + (1 - begin) * share, report.model)
+            yield ImportStep(label, begin + (1 - begin) * share, report.model)
             report = replace(report, model=None)
             message = _received(receiver, folder) if receiver.poll(_BEAT_S) else report
             if isinstance(message, SparseModel):

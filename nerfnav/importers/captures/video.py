@@ -78,7 +78,7 @@ def make_capture_of_video(
 ) -> Generator[ImportStep, None, VideoReport]:
     """Write frames into `folder`/images and COLMAP's model into `folder`/sparse, which make it a capture.
 
-    The steps are PosingSteps once frames are posed, by a process of its own: a script that calls this has its own work
+    Frames are posed by a process of its own: a script that calls this has its own work
     under `if __name__ == "__main__"`. Raises CaptureError, in one sentence, where the video cannot be read or no poses
     can be found, and MissingExtraError where what finds them is not installed.
     """

@@ -59,8 +59,8 @@ def test_a_plan_that_is_asked_for_before_the_place_can_be_seen_is_made_then() ->
 
 def test_learning_says_how_far_it_is_and_no_time_left_of_it_stays_afterwards() -> None:
     opening = reports(Session.opening("room"), Progress("reading photographs", 0.9))
-    learning = reports(opening, TrainStep(30, 0.25, 20.0, 1e5, 45.0))
-    assert describe_activity(learning) == "Learning the field 25 %" and "45 s left" in describe_opening(learning)
+    learning = reports(opening, TrainStep(30, 0.25, 20.0, 1e5, 45.0), Progress("training", 0.25, 44.0))
+    assert describe_activity(learning) == "Training 25 %, about 45 s left" and "45 s left" in describe_opening(learning)
     judging = reports(learning, Progress("judging", 0.5))
     assert describe_activity(judging) == "Judging 50 %" and "left" not in describe_opening(judging)
 
@@ -70,7 +70,8 @@ def test_a_field_with_nothing_to_be_seen_is_told_so_with_a_remedy_that_fits_its_
     place = balls_place()
     info = FieldInfo(made_by=made_by)
     place = replace(place, field=replace(place.field, info=info))  # type: ignore[type-var]
-    told = reports(Session.opening("balls"), PlaceOpened(place), SurfaceShaped(b""))
+    cameras = SurfaceShaped(b"cameras and points", rough=True)
+    told = reports(Session.opening("balls"), cameras, PlaceOpened(place), SurfaceShaped(b""))
     assert told.surface is None and told.trouble is not None and "has no surface" in told.trouble.body
     assert ("pictures" in told.trouble.body) == (made_by == "trained")
     assert told.view_settings.backdrop is Backdrop.RENDER, "an empty scene"

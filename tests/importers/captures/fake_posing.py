@@ -14,10 +14,10 @@ from nerfnav.importers.captures.pose_frames import (
     DATABASE,
     LOG,
     PosingFailure,
-    SparseModel,
     Stage,
     StageReport,
 )
+from nerfnav.importers.core.progress import SparseModel
 
 
 def write_model(folder: Path, names: Sequence[str], size: tuple[int, int] = (160, 120)) -> None:

@@ -63,12 +63,13 @@ def test_points_that_pictures_agree_on_lie_on_the_walls(room: tuple[PosedImages,
 
 
 def test_the_box_of_cameras_that_pan_about_a_room_is_the_room(room: tuple[PosedImages, np.ndarray]):
-    box, why = guess_box(*room)
-    assert "the pictures agree on" in why
+    guessed = guess_box(*room)
+    box = guessed.box
+    assert "the pictures agree on" in guessed.around and len(guessed.points) > 300
     assert np.abs(box.lower.numpy() - ROOM[0]).max() < 0.4 and np.abs(box.upper.numpy() - ROOM[1]).max() < 0.4
 
 
 def test_pictures_of_plain_walls_agree_on_nothing_and_the_cameras_give_the_box():
     photographs, poses = panned(12, plain=True)
     assert len(triangulate_points(photographs)) == 0
-    assert guess_box(photographs, poses)[1] == "the cameras and what they look at"
+    assert guess_box(photographs, poses).around == "the cameras and what they look at"

@@ -15,7 +15,6 @@ from nerfnav.core.steps import run_steps
 from nerfnav.geometry import Camera, look_at
 from nerfnav.importers.captures import posing
 from nerfnav.importers.captures.formats import read_views
-from nerfnav.importers.captures.posing import PosingStep
 from nerfnav.importers.captures.video import (
     ChosenFrame,
     VideoConfig,
@@ -184,7 +183,7 @@ def test_posed_frames_are_a_capture_and_progress_tells_how_many_there_are(poser:
     labels = [step.doing for step in steps]
     assert "matching frames: 8 of 61 pairs" in labels and labels[-1] == "10 of 12 frames posed"
     assert "2 of 12 frames posed" not in labels, "a model that is given up takes nothing back"
-    shown = [step.model for step in steps if isinstance(step, PosingStep) and step.model is not None]
+    shown = [step.model for step in steps if step.model is not None]
     assert [len(model.poses) for model in shown] == [4, 2, 10, 10]
     found = read_views(tmp_path / "capture")
     assert found.kind == "COLMAP" and len(found.views) == 10 and all(view.exists for view in found.views)
@@ -196,7 +195,7 @@ def test_the_same_video_is_posed_once(poser: Poser, tmp_path: Path) -> None:
     first = run_steps(make_capture_of_video(video, tmp_path / "first"))
     poser(fake_posing.fail)
     steps = list(make_capture_of_video(video, tmp_path / "again"))
-    assert isinstance(steps[-1], PosingStep) and steps[-1].model is not None and steps[-1].fraction == 1
+    assert steps[-1].model is not None and steps[-1].fraction == 1
     assert steps[-1].doing == f"{first.frames_posed} of {first.frames} frames posed"
     poses = [[view.pose.tolist() for view in read_views(tmp_path / name).views] for name in ("first", "again")]
     assert poses[0] == poses[1]

@@ -99,12 +99,12 @@ class FlightPanel:
         if job is not None:
             self._steer.options = ("Resume" if job.paused else "Pause", "Step")
         self._numbers.content = describe(
-            session.shown_flight, session.flight_is_stale, flying, old=session.flight_has_old_settings
+            session.shown_flight, session.flight_is_stale, flying, old=session.flight_outdated_by
         )
 
 
-def describe(flight: FlightRecord | None, stale: bool, flying: bool, old: bool = False) -> str:
-    """Format the numbers of a flight as HTML; `stale` after its ends were moved, `old` after a setting was changed."""
+def describe(flight: FlightRecord | None, stale: bool, flying: bool, old: str = "") -> str:
+    """Format the numbers of a flight as HTML; `stale` after its ends were moved, `old` names what was replaced."""
     if flight is None or not flight.steps:
         return note("Planning…" if flying else "No flight yet. Press Fly: the robot flies by its camera alone.")
     last = flight.steps[-1]
@@ -123,7 +123,7 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool, old: bool =
     outcome = "" if flight.outcome is None else format_landing(flight)(_describe_outcome(flight))
     if not outcome and not flying:
         outcome = note("Stopped before the goal.")
-    mark = caution("Settings have changed: these are the numbers of the flight with the old ones.") if old else ""
+    mark = caution(f"These are the numbers of the flight with the old {old}.") if old else ""
     remark = warning("Start or goal have moved since this flight.") if stale else ""
     return mark + table(rows) + outcome + remark
 

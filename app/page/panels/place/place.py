@@ -14,9 +14,11 @@ from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import BUDGETS_S, SUFFIXES, QualityName, title_of
 from nerfnav_app.places.uploads import UploadError
+from nerfnav_app.queries.better_field import BetterFieldQuery
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, Notify, OpenPlace
 from nerfnav_app.state.session import Session
+from nerfnav_app.text import format_wait
 
 _DRAFT = (
     "This field is a draft, learned in seconds. While its capture is open, it is learned further: fly by camera after "
@@ -80,7 +82,9 @@ class PlacePanel:
         self._progress.visible = session.place is None
         self._progress.content = note(describe_opening(session))
         self._stop.visible = session.place is None and session.before is not None
-        doubts = "" if session.place is None else describe_doubts(session.place)
+        better = BetterFieldQuery.result_in(session)
+        left_s = None if better is None else better.left_s
+        doubts = "" if session.place is None else describe_doubts(session.place, left_s)
         self._doubts.visible = doubts != ""
         if doubts:
             self._doubts.content = note(doubts)
@@ -101,9 +105,13 @@ class PlacePanel:
         self._places.value = here
 
 
-def describe_doubts(place: Place) -> str:
-    """Describe a draft, what is unproven in a place, and a guess of up, which is to be looked at."""
-    draft = _DRAFT if place.field.info.is_draft else ""
+def describe_doubts(place: Place, left_s: float | None = None) -> str:
+    """Describe a draft, what is unproven in a place, and a guess of up, which is to be looked at.
+
+    A draft is trained further for `left_s`, without the time of plans and flights.
+    """
+    left = "" if left_s is None else f" About {format_wait(left_s)} left."
+    draft = _DRAFT + left if place.field.info.is_draft else ""
     guesses = place.field.info.guesses
     guessed = len(drop_answered_guesses(guesses, ("up",))) < len(guesses)
     turn = 'Its up is a guess: where it lies wrong, turn it under "Turn, scale, crop".' if guessed else ""
@@ -117,11 +125,6 @@ def describe_opening(session: Session) -> str:
         return f"{title_of(session.what)} could not be opened."
     left = "" if job.left_s is None else f" About {format_wait(job.left_s)} left."
     return f"Opening {title_of(session.what)}: {job.label[:1].lower()}{job.label[1:]}.{left}"
-
-
-def format_wait(seconds: float) -> str:
-    """Format a waiting time [s], rounded."""
-    return f"{max(1, round(seconds / 5)) * 5} s" if seconds < 90 else f"{round(seconds / 60)} min"
 
 
 def _label(quality: QualityName) -> str:

@@ -77,14 +77,15 @@ def describe_flown(session: Session) -> str:
     if clearance is not None and clearance.smallest_m is not None:
         rows.append(("Minimum clearance", number(100 * clearance.smallest_m, "cm")))
         rows.append(("Bound of Eq. 1", percent(clearance.bound), _BOUND))
-    remark = caution(f"{OLD_SETTINGS}.") if session.flight_has_old_settings else ""
+    remark = caution(f"{OLD} {session.flight_outdated_by}.") if session.flight_outdated_by else ""
     return remark + table(rows) + (warning(f"{OLD_GOAL}.") if holds_old_goal(session) else "")
 
 
-OLD_SETTINGS = "Flown with the old settings"
-"""Mark of the numbers of a flight after a setting was changed."""
+OLD = "Flown with the old"
+"""Mark of the numbers of a flight after its settings or its field were replaced."""
 OLD_GOAL = "The plan leads to the old goal until you resume"
 """Remark on a paused flight whose goal was moved."""
+
 _BOUND = "Upper bound of the collision probability by Eq. 1 of the paper, which counts every body point alone"
 
 _SIGMA = "Median over the plan of the standard deviation of the estimated position, by what the camera will see"
@@ -112,7 +113,7 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
     outcome = describe_outcome(plan.outcome) if plan.outcome in FLYABLE and plan.outcome is not None else ""
     if plan.outcome is None and not planning:
         outcome = "Stopped before it was finished."
-    remark = warning("Ends or settings have changed since this plan.") if stale else ""
+    remark = warning("Ends, settings or the field have changed since this plan.") if stale else ""
     if plan.is_blind and plan.expected_sigma is not None:
         remark = caution(f"{capital(explain_blindness(plan.expected_sigma.blind_share))}.") + remark
     return table(rows) + (note(outcome) if outcome else "") + remark

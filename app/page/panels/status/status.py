@@ -18,8 +18,8 @@ from nerfnav_app.page.kit.widgets import confirm_reset, post_on
 from nerfnav_app.page.panels.flight.flight import format_landing, has_arrived
 from nerfnav_app.page.panels.flight.track import summarize_track as track_ended
 from nerfnav_app.page.panels.plan.plan import (
+    OLD,
     OLD_GOAL,
-    OLD_SETTINGS,
     explain_unsafe_plan,
     holds_old_goal,
     summarize_plan,
@@ -32,7 +32,7 @@ from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import DeclineFlight, PlanRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.text import capital, sentence
+from nerfnav_app.text import capital, format_wait, sentence
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,9 @@ def status(session: Session) -> Status:
         return Status("Turn the place as it belongs, then apply that. Start, goal and plans are hidden meanwhile.")
     if flight is not None and session.flight_is_shown and flight.outcome is not None:
         landed = describe_landing(flight)
-        if session.flight_has_old_settings:
-            return Status(f"{OLD_SETTINGS}: {landed}")
-        return Status(landed, format_landing(flight))
+        old = session.flight_outdated_by
+        now = "A trained field has replaced the draft: plan and fly again. " if old == "field" else ""
+        return Status(f"{now}{OLD} {old}: {landed}") if old else Status(landed, format_landing(flight))
     if session.track is not None and session.track.steps:
         located = session.track.steps[-1].tracked.status.knows
         return Status(f"{track_ended(session.track)}.", fine if located else warning)
@@ -96,7 +96,7 @@ def _of_plan(plan: PlanRecord, session: Session) -> Status:
             return Status(f"No plan for this: {sentence(plan.refusal)}", warning)
         if planners.load(session.choice.planner).real_time:
             return Status("Planning again…")
-        return Status("Ends or settings have changed since this plan: plan again.", warning)
+        return Status("Ends, settings or the field have changed since this plan: plan again.", warning)
     if plan.is_unsafe:
         return Status(explain_unsafe_plan(plan, session), warning)
     if not plan.is_good:
@@ -185,8 +185,9 @@ def describe_activity(session: Session) -> str:
         JobKind.PLACE: "Aligning the place",
         JobKind.TRACK: "Tracking the camera",
     }[job.kind]
+    left = "" if job.left_s is None else f", about {format_wait(job.left_s)} left"
     planned = "; planning starts afterwards" if job.plan_after else ""
-    return capital(job.label or default) + done + planned
+    return capital(job.label or default) + done + left + planned
 
 
 _MEANINGS = (

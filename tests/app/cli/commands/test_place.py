@@ -35,9 +35,26 @@ def test_a_box_is_kept_after_scale(field: str, tmp_path: Path, capsys: pytest.Ca
     assert 0 < summary["geometry"]["unproven_share"] < 1
 
 
+def test_a_turn_is_about_x_then_y_then_z_and_floor_and_box_come_after_it(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, out = load_field(field_path := Path(field)), tmp_path / "turned.npz"
+    summary = printed(["place", str(field_path), "--turn", "90,0,90", "--out", str(out)], capsys)
+    assert summary["changed"][0] == "turned by 120 degrees", "two quarter turns are a third of a turn"
+    turned = load_field(out)
+    x, y, z = before.box.size.tolist()
+    assert turned.box.size.tolist() == pytest.approx([z, x, y], abs=1e-5), "x to y, y to z, z to x"
+    words = ["--turn", "10", "0", "0", "--up", "0,-0.173648,0.984808", "--out", str(tmp_path / "back.npz")]
+    printed(["place", field, *words], capsys)
+    assert load_field(tmp_path / "back.npz").box.size.tolist() == pytest.approx([x, y, z], abs=0.2)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (["--turn", "0", "0", "0"], "nothing is to be changed: give --turn"),
+        (["--turn", "1", "nan", "0"], "finite"),
+        (["--turn", "1", "2"], "turn takes 3 numbers, not 2"),
         ([], "nothing is to be changed"),
         (["--measure", "0,0,0", "0,0,0", "1"], "the two points are the same"),
         (["--measure", "0,0,0", "1,0,0", "0"], "the distance must be a number above 0"),

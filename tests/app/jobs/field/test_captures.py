@@ -115,7 +115,7 @@ def test_a_video_is_posed_in_view_and_its_frames_are_the_capture(
     material = end.value.value
     assert (material.report["frames"], material.report["frames_posed"], material.report["images_used"]) == (12, 10, 10)
     shown = [event for event in events if isinstance(event, SurfaceShaped)]
-    assert len(shown) == 4 and all(event.rough and read_box(event.glb) is not None for event in shown)
+    assert len(shown) == 5 and all(event.rough and read_box(event.glb) is not None for event in shown)
     labels = [event.label for event in events if isinstance(event, Progress)]
     assert "10 of 12 frames posed" in labels and labels[-1] == "reading photographs"
 

@@ -1,5 +1,6 @@
 """A capture becomes a draft to plan in at once, which is trained on while nothing else runs."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +11,13 @@ from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.grid_learner import GridLearner
-from nerfnav_app.jobs.events import SurfaceShaped
+from nerfnav.field.train.progress import TrainStep
+from nerfnav_app.jobs.events import Progress, SurfaceShaped
 from nerfnav_app.jobs.field import captures, drafts, train
 from nerfnav_app.jobs.open import make_field
 from nerfnav_app.jobs.open.opening import run
 from nerfnav_app.places.sources import BUDGETS_S
+from nerfnav_app.places.surface_glb import read_box
 from nerfnav_app.queries.better_field import BetterFieldQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.state import actions as m
@@ -38,7 +41,8 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_depth_is_fused_and_not_learned_from_at_first(tmp_path: Path) -> None:
     out = tmp_path / "room.npz"
-    result_of(make_field.run(write_depths(tmp_path / "room"), out))
+    events = list(make_field.run(write_depths(tmp_path / "room"), out))
+    assert [event.label for event in events if isinstance(event, Progress)][-1] == "fusing the depth maps"
     fused = load_field(out)
     assert isinstance(fused, VoxelField) and fused.unknown is not None
     assert (fused.info.made_by, fused.info.iterations, fused.info.proven_from) == ("fused", 0, "depth")
@@ -55,12 +59,36 @@ def test_pictures_alone_give_a_short_training(tmp_path: Path) -> None:
     assert load_field(out).info.made_by == "trained", "a draft that was asked for stays"
 
 
+@pytest.mark.parametrize("write", [write_depths, write_transforms])
+def test_cameras_and_points_are_shown_before_the_draft(write: Callable[[Path], Path], tmp_path: Path) -> None:
+    shown = list(make_field.run(write(tmp_path / "room"), tmp_path / "room.npz"))
+    kinds = [type(event) for event in shown if isinstance(event, SurfaceShaped | TrainStep)]
+    assert kinds[0] is SurfaceShaped
+    (surface,) = (event for event in shown if isinstance(event, SurfaceShaped))
+    box = load_field(tmp_path / "room.npz").box
+    assert surface.rough and read_box(surface.glb) == (box.lower.tolist(), box.upper.tolist())
+
+
+def test_what_compiles_is_not_in_the_budget_of_a_draft_and_the_time_left_is_that_of_the_budget(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, steps, told = Clock(monkeypatch), itertools.count(), []
+    monkeypatch.setitem(BUDGETS_S, "draft", 40.0)
+    clock.slow(GridLearner, "step", lambda *_: 1.0 if next(steps) else 60.0)
+    for event in make_field.run(write_transforms(tmp_path / "room"), tmp_path / "room.npz"):
+        if isinstance(event, Progress) and event.left_s is not None:
+            told.append((clock.now, event.left_s))
+    assert load_field(tmp_path / "room.npz").info.iterations > 20, "the first step was not in the budget"
+    ends = [now + left for now, left in told]
+    assert len(told) > 10 and max(ends) - min(ends) < 1e-6 and told[0][1] > 35
+
+
 def opened(source: Path) -> Session:
     """A session in which a capture was opened, without what follows its surface."""
     session = Session.opening(str(source))
     for event in run(session.what):
         session = reports(session, event)
-        if isinstance(event, SurfaceShaped):
+        if isinstance(event, SurfaceShaped) and session.place is not None:
             return replace(session, seeking=False, surface_is_rough=False)
     raise AssertionError("nothing was opened")
 
@@ -70,11 +98,13 @@ def test_a_draft_is_replaced_by_a_trained_field_between_plans(
     write: Callable[[Path], Path], tmp_path: Path
 ) -> None:
     session = opened(write(tmp_path / "room"))
-    ends, steps = session.ends, 0
+    ends, steps, left = session.ends, 0, []
     assert not list(BetterFieldQuery.pending(replace(session, surface_is_rough=True))), "the texture comes first"
     while pending := list(BetterFieldQuery.pending(session)):
         (query,) = pending
         assert session.place is not None
+        if query.refinement is not None and query.refinement.left_s is not None:
+            left.append(query.refinement.left_s)
         session = after(session, m.QueryAnswered(query, query.answer(Resources(session.place))))
         steps += 1
     place = session.place
@@ -82,6 +112,7 @@ def test_a_draft_is_replaced_by_a_trained_field_between_plans(
     assert place.field.info.made_by == "trained" and place.field.info.iterations > 0
     assert load_field(place.file).info.created == place.field.info.created
     assert session.ends == ends and session.surface_is_rough
+    assert left and left == sorted(left, reverse=True), "the time left runs down"
     assert "all pictures of the capture" in session.notices[-1].body
 
 

@@ -10,7 +10,7 @@ from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobFinished, JobResult
 from nerfnav_app.page.kit.html import caution, fine, warning
 from nerfnav_app.page.kit.theme import CAUTION, HIT, START, readable
-from nerfnav_app.page.panels.plan.plan import OLD_GOAL, OLD_SETTINGS, PlanCharts, describe, describe_flown
+from nerfnav_app.page.panels.plan.plan import OLD, OLD_GOAL, PlanCharts, describe, describe_flown
 from nerfnav_app.page.panels.status.status import needs_confirmation, status
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.clearance import ClearanceQuery
@@ -120,8 +120,8 @@ def test_a_goal_that_is_moved_in_a_pause_is_said_to_be_without_a_plan_until_the_
 
 def test_after_a_setting_was_changed_the_numbers_are_those_of_the_old_settings(opened: Session) -> None:
     session = flying(opened)
-    assert not session.flight_has_old_settings
+    assert not session.flight_outdated_by
     changed = after(session, m.Adjust(m.Settings.FLIGHT, "position_noise_m", 0.01))
-    assert changed.flight_has_old_settings and OLD_SETTINGS in describe_flown(changed)
-    assert not after(session, m.Adjust(m.Settings.FLIGHT, "pace", 0.5)).flight_has_old_settings
-    assert not replace(session, flight=replace(session.flight, flown_by=None)).flight_has_old_settings  # type: ignore[type-var]
+    assert changed.flight_outdated_by and f"{OLD} settings." in describe_flown(changed)
+    assert not after(session, m.Adjust(m.Settings.FLIGHT, "pace", 0.5)).flight_outdated_by
+    assert not replace(session, flight=replace(session.flight, flown_by=None)).flight_outdated_by  # type: ignore[type-var]
