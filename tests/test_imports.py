@@ -138,8 +138,11 @@ ONLY_IN = {
     "threading": tuple(f"nerfnav_app.{name}" for name in ("worker", "ui_loop", "security", "cli.commands.serve")),
 }
 """External modules to the modules of app/ that may import them."""
-OWN_PROCESS = tuple(f"nerfnav.importers.captures.{name}" for name in ("pose_frames", "posing"))
-"""Modules of the library that may start a process: COLMAP aborts the one that it runs in, and logs to its terminal."""
+OWN_PROCESS = tuple(
+    f"nerfnav.{name}" for name in ("importers.captures.pose_frames", "importers.captures.posing", "experiments.study")
+)
+"""Modules of the library that may start a process: COLMAP aborts the one that it runs in, and logs to its terminal;
+trials run at the same time."""
 SETTING_THREADS = tuple(f"nerfnav_app.{name}" for name in ("worker", "live_server", "cli.progress", "benchmarks"))
 """Modules of app/ that may set the number of threads of torch."""
 IMPORT_NAMES = {"app": "nerfnav_app", "scenes": "nerfnav_scenes"}

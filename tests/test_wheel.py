@@ -27,7 +27,7 @@ from tests.wheel_environment import ROOT, build, install
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
-EXTRAS = ("ompl", "matplotlib", "joblib", "mcap", "rosbags", "collada", "DracoPy", "pytest")
+EXTRAS = ("ompl", "matplotlib", "mcap", "rosbags", "collada", "DracoPy", "pytest")
 ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a compressed frame
 
 

@@ -88,6 +88,11 @@ def require_share(**numbers: float | None) -> None:
     _require(numbers, lambda number: 0 <= number <= 1, "a share, from 0 to 1")
 
 
+def require_seed(**numbers: float | None) -> None:
+    """Raise InvalidNumberError, which names it, for a seed that random generators do not take; None passes."""
+    _require(numbers, lambda number: 0 <= number < 2**32, "from 0 to 4294967295")
+
+
 def _require(numbers: Mapping[str, float | None], is_valid: Callable[[float], bool], wanted: str) -> None:
     for name, number in numbers.items():
         if number is not None and not is_valid(number):

@@ -9,19 +9,31 @@ To add one: write a file here with such a function, and name it in the app's tab
 """
 
 import json
+import multiprocessing
+import signal
+import sys
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from itertools import islice
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 import torch
 
-from nerfnav.core.errors import InvalidInputError, InvalidNumberError, MissingExtraError, NerfnavError, first_line
+from nerfnav.core.errors import (
+    InvalidInputError,
+    InvalidNumberError,
+    MissingExtraError,
+    NerfnavError,
+    first_line,
+    require_seed,
+)
 from nerfnav.core.extras import import_extra
+from nerfnav.core.jit import threads
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import Figure
 from nerfnav.experiments.flight_options import FlightOptions
@@ -103,6 +115,14 @@ Row = dict[str, Any]
 """A line of an experiment's table: the same names in all lines, each with its unit."""
 
 
+def require_numbers(trials: int | None, jobs: int | None, seed: int) -> None:
+    """Raise InvalidNumberError for numbers of trials or jobs below 1, and for what is no seed."""
+    for name, number in {"trials": trials, "jobs": jobs}.items():
+        if number is not None and number < 1:
+            raise InvalidNumberError(name, "1 or more", number)
+    require_seed(seed=seed)
+
+
 @dataclass(frozen=True)
 class Study:
     """Inputs of an experiment."""
@@ -127,11 +147,8 @@ class Study:
     """The same in further places, for experiments of more than one."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError for numbers that no study can have."""
-        for name in ("trials", "jobs"):
-            number = getattr(self, name)
-            if number is not None and number < 1:
-                raise InvalidNumberError(name, "1 or more", number)
+        """Raise InvalidNumberError for numbers that no study can have."""
+        require_numbers(self.trials, self.jobs, self.seed)
 
     def first(self, entries: Sequence[Entry], what: str) -> Sequence[Entry]:
         """As many of the entries as trials were asked for. Raises InvalidInputError where there are fewer."""
@@ -194,7 +211,7 @@ def run_trials(
 
     `trial` and the items travel between processes: a function of a module, and plain values. With a journal the
     answers must be plain values too, and come back as JSON has them. Raises NerfnavError where a trial lacks an
-    optional dependency, OSError where the journal cannot be written.
+    optional dependency or its process is killed, OSError where the journal cannot be written.
     """
     journal = study.journal
     ends = {} if journal is None else journal.ends(label)
@@ -237,10 +254,58 @@ def _ended(
         yield from _on_cluster(study, trial, items, left)
     elif study.jobs is None or study.jobs == 1:
         yield from (do(index, items[index]) for index in left)
-    else:
-        joblib = import_extra("joblib", "experiments", "more than one trial at the same time")
-        parallel = joblib.Parallel(n_jobs=study.jobs, return_as="generator_unordered", batch_size=1)
-        yield from parallel(joblib.delayed(do)(index, items[index]) for index in left)
+    elif left:
+        study.open_arena()  # before the processes fork, which then have it
+        yield from _in_processes(study.jobs, do, items, left)
+
+
+_START = "fork" if sys.platform == "linux" else "spawn"
+"""A fork has the modules, the arena and the kernels of this process at once; spawned ones load them for 4 s each."""
+
+
+def _in_processes(
+    count: int, do: Callable[[int, Item], _Ended], items: Sequence[Item], left: Sequence[int]
+) -> Iterator[_Ended]:
+    """The same in `count` processes of this machine. Raises NerfnavError where one of them dies."""
+    context, waiting = multiprocessing.get_context(_START), iter(left)
+    workers: dict[Connection, Any] = {}
+    try:
+        for index in islice(waiting, count):
+            here, there = context.Pipe()
+            worker = context.Process(target=_serve, args=(here, there, do, items), daemon=True)
+            worker.start()
+            workers[here] = worker
+            there.close()
+            here.send(index)
+        while workers:
+            ready = wait([*workers])
+            for here in [pipe for pipe in workers if pipe in ready]:
+                try:
+                    ended = here.recv()
+                    here.send(index := next(waiting, None))
+                except (EOFError, ConnectionError) as error:
+                    raise NerfnavError(
+                        "a process of the trials was killed, perhaps for lack of memory: the same command goes on "
+                        "with the trials that are missing, and needs less memory with fewer jobs"
+                    ) from error
+                if index is None:
+                    workers.pop(here).join()
+                yield ended
+    finally:
+        for worker in workers.values():
+            worker.terminate()
+            worker.join()
+
+
+def _serve(here: Connection, there: Connection, do: Callable[[int, Item], _Ended], items: Sequence[Item]) -> None:
+    """Do the trials whose indices arrive, until None does or the other process ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started it, which ends this one
+    here.close()  # of the other process: its copy here would keep the pipe open
+    try:
+        while (index := there.recv()) is not None:
+            there.send(do(index, items[index]))
+    except (EOFError, ConnectionError):
+        return
 
 
 def _on_cluster(
@@ -290,7 +355,8 @@ def _in_arena(
     wall, cpu = time.perf_counter(), time.process_time()
     answer, failed, lacks = None, None, False
     try:
-        answer = trial(open_arena(), item)
+        with threads(1):  # a pool of threads does not outlive a fork, and each process has one core
+            answer = trial(open_arena(), item)
     except NerfnavError as error:
         failed, lacks = str(error), isinstance(error, MissingExtraError)
     except Exception as error:

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from nerfnav.core.errors import require_seed
 from nerfnav.geometry import FORWARD_MOUNT, Box, Pose, so3
 from nerfnav.navigation.gust import GustStrength
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
@@ -25,7 +26,11 @@ _WORLD = 2**32
 
 
 def world_generator(seed: int) -> torch.Generator:
-    """Return the generator of the world in a flight of that seed, apart from that of filter and loop."""
+    """Return the generator of the world in a flight of that seed, apart from that of filter and loop.
+
+    Raises InvalidNumberError for what is no seed.
+    """
+    require_seed(seed=seed)
     return torch.Generator().manual_seed(_WORLD + seed)
 
 

@@ -17,7 +17,6 @@ from nerfnav.core.extras import import_extra, installed_version
 from nerfnav.experiments import planners
 from nerfnav.experiments.figures import panels
 from nerfnav.experiments.reflight import Setpoint, Track, fly_crazyflie, fly_quick
-from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros_bags import mcap, rosbag2
 from nerfnav.importers.captures.depths import stored_map
@@ -64,11 +63,6 @@ _DEPTH = r"the depth of this capture \(--depth off learns from its pictures alon
 USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     "ompl": ("baselines", "the planner rrt", lambda _: require_ompl()),
     "matplotlib": ("experiments", "drawing a figure", lambda _: panels(("one",))),
-    "joblib": (
-        "experiments",
-        "more than one trial at the same time",
-        lambda _: list(run_trials(Study(lambda: None, jobs=2), "adding", max, [1])),  # type: ignore[arg-type]
-    ),
     "lzfse": ("depth", _DEPTH, partial(depth, "0.depth")),
     "OpenEXR": ("depth", _DEPTH, partial(depth, "0.exr")),
     "mcap": ("ros", "MCAP", lambda _: mcap(recording())),

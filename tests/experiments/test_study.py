@@ -2,15 +2,20 @@
 
 import json
 import os
+import select
+import signal
 import sys
 import time
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError, MissingExtraError, NerfnavError
+from nerfnav.core.jit import threads
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import Journal, Study, TrialDone, run_trials
 from tests.experiments.places import column
@@ -37,11 +42,20 @@ def test_answers_come_in_the_order_of_the_items_and_every_trial_is_reported() ->
     assert {answer[1] for answer in answers} == {os.getpid()}
 
 
-@pytest.mark.slow
 def test_trials_run_in_other_processes_and_give_the_same_answers() -> None:
     _, answers = finished(Study(column, jobs=2), [3, 1, 2])
     assert [(answer[0], answer[2]) for answer in answers] == [(9, "column"), (1, "column"), (4, "column")]
     assert os.getpid() not in {answer[1] for answer in answers}
+
+
+def asking(arena: Arena, item: int) -> tuple[int, int]:
+    with threads(item) as used:
+        return used, torch.get_num_threads()
+
+
+@pytest.mark.parametrize("jobs", [None, 2])
+def test_a_trial_has_one_thread_whatever_it_asks_for(jobs: int | None) -> None:
+    assert finished(Study(column, jobs=jobs), [2, 3], asking)[1] == [(1, 1), (1, 1)]
 
 
 def test_a_trial_leaves_the_threads_of_torch_as_they_were() -> None:
@@ -50,7 +64,7 @@ def test_a_trial_leaves_the_threads_of_torch_as_they_were() -> None:
     assert torch.get_num_threads() == before
 
 
-@pytest.mark.parametrize("jobs", [None, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("jobs", [None, 2])
 def test_a_trial_with_an_error_fails_with_its_reason_and_the_others_go_on(jobs: int | None) -> None:
     reported, answers = finished(Study(column, seed=5, jobs=jobs), [3, 7, 8, 2], refusing)
     assert answers == [9, 4]
@@ -59,6 +73,38 @@ def test_a_trial_with_an_error_fails_with_its_reason_and_the_others_go_on(jobs: 
         0: None, 1: "not seven", 2: "ZeroDivisionError: integer division or modulo by zero", 3: None,
     }  # fmt: skip
     assert {end.seed for end in ends.values()} == {5} and all(end.wall_s >= 0 for end in ends.values())
+
+
+def dying(arena: Arena, item: int) -> int:
+    if item == 2:
+        os.kill(os.getpid(), signal.SIGKILL)  # as the kernel does where memory runs out
+    return item
+
+
+def test_a_killed_process_ends_the_series_in_one_sentence_and_the_journal_keeps_the_others(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "results.jsonl", "column")
+    with pytest.raises(NerfnavError, match=r"a process of the trials was killed, .* fewer jobs"):
+        finished(Study(column, jobs=2, journal=journal), [0, 1, 2, 3], dying)
+    assert {0, 1} & journal.ends("squaring").keys() and 2 not in journal.ends("squaring")
+    assert finished(Study(column, jobs=2, journal=journal), [0, 1, 2, 3])[1][2] == [4, ANY, "column"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
+def test_no_process_of_the_trials_outlives_the_killed_one_that_started_them() -> None:
+    reader, writer = os.pipe()  # all processes have the writer; the reader ends with the last of them
+    starting = get_context("fork").Process(target=end_in_the_middle)
+    starting.start()
+    os.close(writer)
+    starting.join()
+    assert starting.exitcode == -signal.SIGKILL
+    assert select.select([reader], [], [], 20)[0] and os.read(reader, 1) == b""
+    os.close(reader)
+
+
+def end_in_the_middle() -> None:
+    for step in run_trials(Study(column, jobs=2), "resting", resting, list(range(16))):
+        if step.done == 4:
+            os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_trial_that_lacks_a_library_ends_the_series() -> None:
@@ -76,6 +122,12 @@ def test_a_cluster_without_its_library_is_refused_in_one_sentence(monkeypatch: p
 def test_numbers_below_one_are_refused(name: str) -> None:
     with pytest.raises(InvalidInputError, match=f"{name} must be 1 or more, not 0"):
         Study(column, **{name: 0})
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_seeds_that_generators_do_not_take_are_refused(seed: int) -> None:
+    with pytest.raises(InvalidInputError, match="seed must be from 0 to 4294967295, not"):
+        Study(column, seed=seed)
 
 
 def test_more_trials_than_there_are_entries_are_refused() -> None:

@@ -6,8 +6,10 @@ import pytest
 import torch
 
 from nerfnav import robots
+from nerfnav.core.errors import InvalidNumberError
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import R_BODY_CAMERA, Pose
+from nerfnav.navigation.simulator import world_generator
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import ROBOT, START, draws, grey, simulator
@@ -37,6 +39,12 @@ def test_the_same_seed_gives_the_same_world():
         first.act(HOVER, 0.1)
         second.act(HOVER, 0.1)
     assert torch.equal(first.state.position, second.state.position)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32, 10**30])
+def test_a_seed_that_generators_do_not_take_is_refused(seed: int) -> None:
+    with pytest.raises(InvalidNumberError, match="seed must be from 0 to 4294967295, not"):
+        world_generator(seed)
 
 
 def test_the_camera_is_asked_for_the_picture_at_its_mount():

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from nerfnav.core.errors import UnknownNameError
 from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
 from nerfnav_app.cli.progress import run_and_print
@@ -35,7 +36,9 @@ class Arguments(ExperimentOptions, Output):
 
 
 def run(arguments: Arguments) -> None:
-    """Run it, and print its numbers."""
+    """Run it, and print its numbers. Raises UnknownNameError."""
+    if arguments.name not in (names := (*EXPERIMENTS, ALL)):
+        raise UnknownNameError(EXPERIMENTS.kind, arguments.name, names)
     request = ExperimentRequest(
         arguments.name,
         place=arguments.place,

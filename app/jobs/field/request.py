@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from nerfnav.core.errors import InvalidInputError, require_positive
+from nerfnav.core.errors import InvalidInputError, require_positive, require_seed
 from nerfnav.field import TrainConfig
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import MeshOptions, Placement
@@ -136,6 +136,7 @@ class TrainRequest(TrainOptions):
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no training can have."""
         require_positive(iterations=self.iterations, budget=self.budget, voxel=self.voxel, save_every=self.save_every)
+        require_seed(seed=self.seed)
         if self.neural is not None and self.save_every is not None:
             raise InvalidInputError("save-every is for voxel fields: networks in training cannot be planned in")
 

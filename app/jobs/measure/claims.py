@@ -1,7 +1,7 @@
 """Comparisons of the paper beside the numbers of its experiments here, as a page in Markdown.
 
 The paper prints times. Of its other experiments the page repeats the comparison, with the same baselines in this code,
-and says where nerfnav is worse.
+and says where nerfnav is worse. The first line of each experiment makes a short table, which README.md repeats.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -17,16 +17,16 @@ from nerfnav_app.jobs.measure.results import cell_text, table_of, tables_of
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim of a comparison, with the numbers of this run."""
+    """Claim of a comparison, with the numbers of this run; or a number with which there is nothing to compare."""
 
     text: str
-    """Claim."""
-    paper: str
-    """Number that the paper prints, or what it compares with."""
+    """Claim, or name of the number."""
+    paper: str | None
+    """Number that the paper prints, or what it compares with; None: nothing."""
     here: str
     """Number here."""
-    holds: bool
-    """It holds here."""
+    holds: bool | None = None
+    """It holds here; None where nothing is compared."""
 
     def row(self) -> Row:
         """Line of the page's table."""
@@ -34,30 +34,37 @@ class Claim:
 
 
 def claims_of(name: str, summary: Row) -> list[Claim]:
-    """List the comparisons of an experiment; none for one that is not of the paper."""
+    """List the comparisons of an experiment, the most important one first."""
     return list(_CLAIMS[name](summary)) if name in _CLAIMS else []
 
 
 def write_page(manifest: Manifest, found: Mapping[str, Any]) -> str:
     """Write the page on all experiments: Measured, or a reason, by name."""
     measured = {name: result for name, result in found.items() if isinstance(result, Measured)}
-    claims = {name: claims_of(name, result.summary) for name, result in measured.items()}
-    failing = [(name, claim) for name, mine in claims.items() for claim in mine if not claim.holds]
+    claims = [(name, claim) for name, result in measured.items() for claim in claims_of(name, result.summary)]
+    first = dict(reversed(claims))
     parts = ["# Results", _introduction(manifest)]
-    if rows := [{"experiment": name} | claim.row() for name, mine in claims.items() for claim in mine]:
+    if short := [_in_short(name, measured[name], first[name]) for name in measured if name in first]:
+        parts.append(table_of(short))
+    if rows := [{"experiment": name} | claim.row() for name, claim in claims if claim.holds is not None]:
         about = (
             f"Times in seconds are printed in the paper, for an {PAPER_MACHINE}. Its other comparisons are repeated "
             "with the baselines of this code."
         )
-        parts += ["## Beside the paper", about, table_of(rows)]
-    worse = [f"- {name}: not {claim.text[0].lower()}{claim.text[1:]}: {claim.here} against {claim.paper}."
-             for name, claim in failing]  # fmt: skip
+        parts += ["## Beside the paper and other planners", about, table_of(rows)]
+    worse = [f'- {name}: "{claim.text}" does not hold: {claim.here} here, {claim.paper} there.'
+             for name, claim in claims if claim.holds is False]  # fmt: skip
     parts += ["## Where nerfnav is worse", "\n".join(worse) or "Nowhere in these comparisons."]
-    parts += ["## Trials", table_of([_counts(name, result) for name, result in found.items()])]
+    parts += ["## Trials", _COST, table_of([_counts(name, result) for name, result in found.items()])]
     for name, result in measured.items():
         purpose = EXPERIMENTS[name].purpose
         parts += [f"## {name}", f"{purpose[0].upper()}{purpose[1:]}.", *_deeper(tables_of(result.summary))]
     return "\n\n".join(parts) + "\n"
+
+
+def _in_short(name: str, result: Measured, claim: Claim) -> Row:
+    """Line of the short table."""
+    return {"experiment": name, "trials": len(result.ends)} | claim.row()
 
 
 def _introduction(manifest: Manifest) -> str:
@@ -83,6 +90,10 @@ def _counts(name: str, result: Measured | str) -> Row:
     }  # fmt: skip
 
 
+_COST = (
+    "CPU time is that of the trials, beside whatever else the machine did. Each process of a cluster adds about 4 s "
+    "once, to import and to load compiled code."
+)
 _SCALE = "10,000 trials on 100 cores [min]"
 
 
@@ -103,9 +114,16 @@ def _planners(summary: Row) -> Iterator[Claim]:
     for baseline in ("minsnap", "rrt"):
         if (other := summary.get(baseline)) is None:
             continue
-        for name, what in (("collision_mean", "collision cost"), ("effort_mean", "control effort")):
+        for name, what in _COSTS.items():
             yield _less(f"Lower {what} than {baseline}", own[name], other[name])
         yield _less(f"No more failures than {baseline}", own["failures"], other["failures"], or_equal=True)
+
+
+_COSTS = {
+    "collision_mean": "mean collision cost",
+    "collision_median": "median collision cost",
+    "effort_mean": "mean control effort",
+}
 
 
 def _replanning(summary: Row) -> Iterator[Claim]:
@@ -116,6 +134,40 @@ def _replanning(summary: Row) -> Iterator[Claim]:
         shares[0] > shares[1],
     )  # fmt: skip
     yield _less("Fewer flights touch something in closed loop than in open loop", closed["collided"], blind["collided"])
+
+
+def _flights(summary: Row) -> Iterator[Claim]:
+    yield Claim("Flights by camera that reach the goal", None, f"{summary['reached']} of {summary['trials']}")
+
+
+def _rivals(summary: Row) -> Iterator[Claim]:
+    others = _records_with("clean", summary["methods"])
+    own = others.pop("nerfnav")
+    for name, other in others.items():
+        theirs, here = (f"{row['clean']} of {row['trials']}" for row in (other, own))
+        yield Claim(f"No fewer clean flights than {name}", theirs, here, own["clean"] >= other["clean"])
+    for measure, what in (("time_p50_ms", "time of a plan [ms]"), ("J_median", "J")):
+        for name, other in others.items():
+            if own[measure] is not None and other[measure] is not None:
+                yield _less(f"Lower {what} than {name}", own[measure], other[measure])
+
+
+def _relocalisation(summary: Row) -> Iterator[Claim]:
+    seen = summary["sighted"]
+    found = f"{seen['found_and_right']} of {seen['trials']}, {seen['found_but_wrong']} wrong"
+    yield Claim("Cameras found by one picture of the place", None, found)
+
+
+def _basin(summary: Row) -> Iterator[Claim]:
+    starts = _records_with("converged_share", summary)
+    shares = [f"{row['converged_share']:.0%}" for row in starts.values()]
+    yield Claim(f"Filters led back by one picture from {'; '.join(starts)}", None, ", ".join(shares))
+
+
+def _reflight(summary: Row) -> Iterator[Claim]:
+    flown = _records_with("clean", summary)
+    clean = [f"{row['clean']} of {row['exports']}" for row in flown.values()]
+    yield Claim(f"Exports flown without contact by {', '.join(flown)}", None, ", ".join(clean))
 
 
 def _correlation(summary: Row) -> Iterator[Claim]:
@@ -158,6 +210,11 @@ def _tangent(summary: Row) -> Iterator[Claim]:
             yield _less(f"Nearer to the attitude by Eq. 8 than in one tangent plane, {kind}", own, single)
 
 
+def _records_with(measure: str, summary: Row) -> dict[str, Row]:
+    """Records of a summary that have a measure; others say what was left out."""
+    return {name: row for name, row in summary.items() if isinstance(row, dict) and measure in row}
+
+
 def _less(text: str, own: float, other: float, or_equal: bool = False) -> Claim:
     return Claim(text, cell_text(other), cell_text(own), own < other or (or_equal and own == other))
 
@@ -170,5 +227,10 @@ _CLAIMS: dict[str, Callable[[Row], Iterator[Claim]]] = {
     "ground-robots": _ground,
     "estimation": _estimation,
     "tangent-plane": _tangent,
+    "flights": _flights,
+    "rivals": _rivals,
+    "relocalisation": _relocalisation,
+    "basin": _basin,
+    "reflight": _reflight,
 }
-"""Experiments of the paper."""
+"""Functions that list the comparisons of each experiment: those of the paper, then others."""

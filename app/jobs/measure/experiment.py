@@ -42,7 +42,7 @@ from nerfnav.experiments import (
     tangent,
 )
 from nerfnav.experiments.rivals import experiment as rivals
-from nerfnav.experiments.study import TrialEnd
+from nerfnav.experiments.study import TrialEnd, require_numbers
 from nerfnav.world import Task
 from nerfnav_app.benchmarks import timing
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress, Remark
@@ -265,7 +265,7 @@ def measure(request: ExperimentRequest) -> Generator[Progress | Remark, bool | N
     """Do what `run` does, and return the trials too."""
     experiment = EXPERIMENTS[request.name]
     swept = combine(parse_sweeps([word for words in request.sweep for word in words]))
-    require_one_count(request)
+    require_counts(request)
     request = replace(request, trials=experiment.quick if request.quick else request.trials)
     variants = [_Variant(experiment, _with(request, known, experiment), known) for known in swept]
     out = request.out
@@ -289,8 +289,9 @@ def measure(request: ExperimentRequest) -> Generator[Progress | Remark, bool | N
         return Measured(results.summary, files, tuple(ends), begun)
 
 
-def require_one_count(request: ExperimentOptions) -> None:
-    """Raise InvalidInputError for a request with two numbers of trials."""
+def require_counts(request: ExperimentOptions) -> None:
+    """Raise InvalidInputError for a request with two numbers of trials, or with a number that no experiment takes."""
+    require_numbers(request.trials, request.jobs, request.seed)
     if request.quick and request.trials is not None:
         raise InvalidInputError("--quick sets the number of trials: drop it, or drop --trials")
 

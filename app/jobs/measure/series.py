@@ -18,7 +18,7 @@ from nerfnav_app.jobs.measure.experiment import (
     ExperimentRequest,
     Measured,
     measure,
-    require_one_count,
+    require_counts,
 )
 from nerfnav_app.jobs.measure.manifest import Manifest, make_manifest, open_folder
 from nerfnav_app.jobs.measure.results import save_results
@@ -38,7 +38,7 @@ def run(request: ExperimentRequest) -> JobEvents:
         raise InvalidInputError("the experiments write into one folder: name it with --out, such as runs/all")
     if request.sweep or request.flights is not None:
         raise InvalidInputError("all experiments run with their own settings: name one to sweep, or to change flights")
-    require_one_count(request)
+    require_counts(request)
     settings = {"quick": request.quick, "trials": request.trials, "seed": request.seed, "place": request.place}
     with open_folder(request.out, make_manifest(ALL, settings, {})) as manifest:
         found: dict[str, Measured | str] = {}

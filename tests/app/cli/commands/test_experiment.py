@@ -29,6 +29,7 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
     ("words", "message"),
     [
         (["experiment", "nothing"], "there is no experiment named 'nothing'"),
+        (["experiment", "al"], "known are: all, basin"),
         (["experiment", "planners", "--trials", "21"], "there are 20 tasks"),
         (["experiment", "planners", "--jobs", "0"], "nerfnav: --jobs must be 1 or more, not 0"),
         (["experiment", "flights", "--risk-weight", "-1"], "nerfnav: --risk-weight must be a number, at least 0"),
@@ -40,6 +41,8 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
         (["experiment", "timing", "--jobs", "2"], "drop --jobs"),
         (["experiment", "timing", "--fly-on"], "takes no options of whole flights"),
         (["experiment", "all"], "name it with --out"),
+        (["experiment", "all", "--trials", "-1", "--out", "all"], "nerfnav: --trials must be 1 or more, not -1"),
+        (["experiment", "flights", "--seed", "-1"], "nerfnav: --seed must be from 0 to 4294967295, not -1"),
         (["experiment", "all", "--truth", "--out", "all"], "name one to sweep, or to change flights"),
         (["experiment", "planners", "--quick", "--trials", "2"], "drop it, or drop --trials"),
         (["experiment", "planners", "--sweep", "sed=1"], "--sweep has no setting 'sed', the nearest is seed"),

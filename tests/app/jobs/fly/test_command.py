@@ -8,11 +8,12 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
-import torch
 
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.flight import NavigateConfig, OperatorRequests
@@ -21,12 +22,13 @@ from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.robots.noise import StateNoise
 from nerfnav_app.cli.commands.fly import make_request
 from nerfnav_app.cli.main import parse
-from nerfnav_app.jobs.fly import fly
+from nerfnav_app.jobs.events import JobFinished
 from nerfnav_app.jobs.fly.command import command_of
 from nerfnav_app.jobs.fly.request import FlyRequest, OperatorRecorder
 from nerfnav_app.jobs.plan import plan as plan_job
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
+from nerfnav_app.state.actions import Reported
 from nerfnav_app.state.flight import FlightSettings
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.plan import PlanRecord, PlanSettings
@@ -35,7 +37,8 @@ from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.worker.backend import NavigationBackend
 from nerfnav_app.worker.operator_requests import SessionRequests
-from tests.app.following import result_of
+from nerfnav_app.worker.worker import Posted, Worker
+from tests.waiting import PATIENCE_S
 
 FREE = Ends(End((0.39, -0.67, 0.2000001)), End((-0.4, 0.55, 0.16), -0.5))
 
@@ -157,7 +160,8 @@ def test_a_flight_of_the_page_and_its_command_are_equal_step_for_step(
     tmp_path: Path, changes: dict[str, Any]
 ) -> None:
     with pytest.MonkeyPatch.context() as patch, ProcessPoolExecutor(1, get_context("spawn")) as page:
-        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # as the process of `nerfnav serve` has it
+        for library, threads in {"OPENBLAS": "1", "OMP": "2", "NUMBA": "2"}.items():  # as `nerfnav serve` on two cores
+            patch.setenv(f"{library}_NUM_THREADS", threads)
         flown = page.submit(_fly_on_page, changes, tmp_path / "runs").result()
     command = RunMetadata.load(flown).command
     assert command is not None
@@ -172,16 +176,26 @@ def test_a_flight_of_the_page_and_its_command_are_equal_step_for_step(
 
 
 def _fly_on_page(changes: dict[str, Any], runs: Path) -> Path:
-    """Plan and fly as the page does; return the folder of the flight."""
-    torch.set_num_threads(1)
-    place = open_place("stonehenge")
-    session = session_of(place, **changes)
-    planned = [event for event in plan_job.run(request_of(session).route, place) if isinstance(event, PlanResult)][-1]
-    record = session.new_plan(session.ends).with_step(planned)
-    asked = request_of(session, RunStore(runs), record)
-    assert asked.out is not None and asked.plan is not None
-    result_of(fly.run(asked, place))
-    return asked.out
+    """Plan and fly by the page's worker; return the folder of the flight."""
+    session = session_of(open_place("stonehenge"), **changes)
+    posted: SimpleQueue[Any] = SimpleQueue()
+
+    def post(message: Posted) -> None:
+        if isinstance(message, Reported):
+            posted.put(message.event)
+
+    worker = Worker(NavigationBackend(runs=RunStore(runs)), post)
+
+    def do(job: Job) -> list[Any]:
+        worker.follow(replace(session, job=job))
+        return list(iter(lambda: posted.get(timeout=PATIENCE_S), JobFinished(job.kind.value, ANY)))
+
+    worker.start()
+    planned = [event for event in do(Job(1, JobKind.PLAN, session.ends)) if isinstance(event, PlanResult)][-1]
+    do(Job(2, JobKind.FLY, session.ends, session.new_plan(session.ends).with_step(planned)))
+    worker.stop()
+    (flown,) = runs.iterdir()
+    return flown
 
 
 def _assert_equal(one: Path, other: Path) -> None:

@@ -78,7 +78,9 @@ def test_every_experiment_has_a_folder_and_one_that_cannot_run_a_reason(tmp_path
     }  # fmt: skip
     page = (tmp_path / "results.md").read_text()
     assert "| wings | – | – | – | – | – | it needs wings |" in page
-    assert "- estimation: not lower error of body rate [rad/s] than iNeRF with dynamics: 3 against 2." in page
+    worse = '- estimation: "Lower error of body rate [rad/s] than iNeRF with dynamics" does not hold: 3 here, 2 there.'
+    assert worse in page
+    assert "| estimation | 3 | Lower error of position [m] than iNeRF with dynamics | 2 | 1 | yes |" in page
     assert "| estimation | Lower error of position [m] than iNeRF with dynamics | 2 | 1 | yes |" in page
 
 
@@ -116,7 +118,12 @@ def test_a_disk_that_takes_no_more_ends_the_series(tmp_path: Path) -> None:
 
 def test_every_comparison_reads_the_summary_of_its_experiment() -> None:
     loops = {"closed": {"reached": 9, "trials": 10, "collided": 0}, "open": {"reached": 1, "trials": 10, "collided": 4}}
-    costs = {"collision_mean": 1.0, "effort_mean": 2.0, "failures": 0}
+    costs = {"collision_mean": 1.0, "collision_median": 1.0, "effort_mean": 2.0, "failures": 0}
+    methods = {
+        "nerfnav": {"clean": 9, "trials": 9, "time_p50_ms": 58.0, "J_median": 2.8},
+        "flask": {"clean": 5, "trials": 9, "time_p50_ms": 10.0, "J_median": None},
+        "vamp": {"skipped": "not installed"},
+    }
     summaries: dict[str, Any] = {
         "timing": {
             "rows": {"plan": {"paper_s": 20.0, "nerfnav_ms": 50.0}, "filter": {"paper_s": 4.0, "nerfnav_ms": 5e3}}
@@ -128,13 +135,20 @@ def test_every_comparison_reads_the_summary_of_its_experiment() -> None:
         "tangent-plane": {
             "from_1_rad": {n: {"final_rotation_rad_median": v} for n, v in (("recursive", 0.1), ("single plane", 0.2))}
         },
-        "flights": {"reached": 3},
+        "flights": {"reached": 3, "trials": 4},
+        "rivals": {"methods": methods, "left_out": {"figures": "no matplotlib"}},
+        "relocalisation": {"sighted": {"trials": 5, "found_and_right": 4, "found_but_wrong": 0}},
+        "basin": {"2 cm": {"converged_share": 1.0}, "9 cm": {"converged_share": 0.4}, "left_out": {"figures": "none"}},
+        "reflight": {"mellinger": {"exports": 6, "clean": 5}},
+        "new": {"reached": 3},
     }
-    holds = {name: [claim.holds for claim in claims.claims_of(name, summary)] for name, summary in summaries.items()}
-    assert holds == {
-        "timing": [True, False], "planners": [False, False, True], "replanning": [True, True],
-        "collision-correlation": [False], "ground-robots": [True, False], "tangent-plane": [True], "flights": [],
+    found = {name: claims.claims_of(name, summary) for name, summary in summaries.items()}
+    assert {name: [claim.holds for claim in mine] for name, mine in found.items()} == {
+        "timing": [True, False], "planners": [False, False, False, True], "replanning": [True, True],
+        "collision-correlation": [False], "ground-robots": [True, False], "tangent-plane": [True], "flights": [None],
+        "rivals": [True, False], "relocalisation": [None], "basin": [None], "reflight": [None], "new": [],
     }  # fmt: skip
+    assert found["flights"][0].here == "3 of 4" and found["basin"][0].here == "100%, 40%"
 
 
 def test_a_run_without_a_worse_number_says_so() -> None:
