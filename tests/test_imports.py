@@ -13,6 +13,7 @@ LEVELS = (
     ("geometry",),
     ("formats",),
     ("world", "field", "robots"),
+    ("obstacles",),
     ("importers", "planner", "estimator"),
     ("inertial",),
     ("navigation", "tracking"),
@@ -65,6 +66,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("closed_loop",),
         ("replanning",),
         ("rivals",),
+        ("moving",),
     ),
     "nerfnav.field": (
         ("core",),
@@ -93,7 +95,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "nerfnav.planner": (
         ("kernels", "polynomials", "trajectory", "visibility"),
-        ("active_yaw", "space", "steps"),
+        ("active_yaw", "moving", "space", "steps"),
         ("risk",),
         ("terms",),
         ("objective",),

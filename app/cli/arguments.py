@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
@@ -154,14 +155,20 @@ class Route(Output):
     for the fast planner)."""
     paper_cost: bool = False
     """Minimise the paper's Eq. 2 alone: no noise model, no room for noise, no choice of headings."""
+    obstacles: Path | None = None
+    """Obstacles that stand in the place, in YAML or JSON: boxes, spheres, cylinders, prisms and meshes. Map, camera and
+    ground truth have them."""
 
     def open(self) -> Place:
-        """Open the place, with the robot of --robot or of the task."""
-        if self.robot is not None:
-            return open_place(self.place, self.robot)
-        place = open_place(self.place)
-        task = self._task(place)
-        return place if task is None else place.with_robot(task.robot)
+        """Open the place, with the robot of --robot or of the task, and with the obstacles."""
+        place = open_place(self.place, *(() if self.robot is None else (self.robot,)))
+        task = self._task(place) if self.robot is None else None
+        place = place if task is None else place.with_robot(task.robot)
+        if self.obstacles is None:
+            return place
+        from nerfnav_app.places.obstacles import open_with_obstacles  # slow to import, and seldom needed
+
+        return open_with_obstacles(place, self.obstacles)
 
     def request(
         self,
@@ -176,6 +183,10 @@ class Route(Output):
         steps = PlanRequest.steps if self.steps is None else self.steps
         dt = PlanRequest.dt if self.dt is None else self.dt
         ends = self._ends(place)
+        if place.obstacles is not None:
+            from nerfnav_app.places.obstacles import require_clear_ends  # slow to import, as above
+
+            require_clear_ends(place.obstacles, place.robot, ends)
         distance = math.dist(ends.start.position, ends.goal.position)
         unknown = self._task(place) is None or is_hurried(place.robot, distance, steps * dt)
         request = PlanRequest(

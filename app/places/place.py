@@ -16,6 +16,7 @@ from nerfnav.robots import Robot, load
 from nerfnav.world import Task
 
 if TYPE_CHECKING:
+    from nerfnav.obstacles import ObstacleSet
     from nerfnav.world import Scene
 
 
@@ -49,6 +50,8 @@ class Place:
     """The splats that the field was made of; None where it was made of something else."""
     file: Path | None = None
     """File of the field; None where it was made in memory."""
+    obstacles: "ObstacleSet | None" = None
+    """Obstacles that were placed in field and ground truth; None: none."""
 
     @property
     def source(self) -> str | None:

@@ -50,7 +50,7 @@ class ExperimentsQuery(Query[Experiments]):
     def answer(self, resources: Resources) -> Experiments:
         """List the experiments and the folder of results."""
         # slow to import, with its figures
-        from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+        from nerfnav_app.jobs.measure.catalog import EXPERIMENTS
         from nerfnav_app.jobs.measure.report import make_page, read_sections
 
         store = ExperimentStore((resources.runs or RunStore()).folder)

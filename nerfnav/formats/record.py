@@ -167,6 +167,8 @@ def _sentence(message: str, content: Any) -> str:
     path = place.removeprefix(".") or "the file"
     if missing := re.fullmatch("Object missing required field `(.*)`", reason):
         return f"{path} has no {missing[1]}"
+    if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason):
+        return f"{path} has the key {printable(unknown[1])}, which the format does not have"
     if place.startswith("key"):
         owner = place.partition(" in ")[2].strip("`").removeprefix("$").removeprefix(".")
         return f"a key of {owner or 'the file'} is no text"

@@ -16,5 +16,6 @@ from .solid import Solid as Solid
 from .solid import winding_number as winding_number
 from .surface import Image as Image
 from .surface import Paint as Paint
+from .surface import paint_of as paint_of
 from .task import Task as Task
 from .vantage import guess_vantage as guess_vantage

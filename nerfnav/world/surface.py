@@ -118,6 +118,23 @@ class Paint:
         return colors
 
 
+def paint_of(mesh: trimesh.Trimesh) -> Paint:
+    """Convert the colours of a mesh to paint, whichever way it stores them; they look the same."""
+    count, visual = len(mesh.faces), mesh.visual
+    uv = np.zeros((count, 3, 2), np.float32)
+    if isinstance(visual, TextureVisuals):
+        image, tint = _material(visual.material)
+        tints = np.tile(np.rint(tint).astype(np.uint8), (count, 3, 1))
+        if image is not None and visual.uv is not None:
+            uv = np.asarray(visual.uv, np.float32)[mesh.faces]
+            return Paint((image.astype(np.uint8),), np.zeros(count, np.int32), uv, tints)
+    else:
+        corners = np.repeat(np.arange(count, dtype=np.int32), 3)
+        weights = np.tile(np.eye(3, dtype=np.float32), (count, 1))
+        tints = np.rint(surface_color(mesh)(corners, weights)).astype(np.uint8).reshape(count, 3, 3)
+    return Paint((), np.full(count, -1, np.int32), uv, tints)
+
+
 @kernel(exact=True)
 def blend(corners, faces, weights, values):
     """Fill values (n, c): those at the corners (f, 3, c) of the faces (n,), by their weights (n, 3).

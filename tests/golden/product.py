@@ -90,7 +90,7 @@ from nerfnav_app.jobs.events import JobEvents, JobResult
 from nerfnav_app.jobs.export.recording import read_run
 from nerfnav_app.jobs.fly.fly import run as fly
 from nerfnav_app.jobs.fly.request import FlyRequest
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS
 from nerfnav_app.jobs.measure.results import save_results, table_text
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.jobs.plan.plan import run as plan

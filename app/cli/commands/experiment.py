@@ -10,7 +10,8 @@ from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import Output, note
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentOptions, ExperimentRequest
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS
+from nerfnav_app.jobs.measure.experiment import ExperimentOptions, ExperimentRequest
 from nerfnav_app.jobs.measure.experiment import run as run_job
 from nerfnav_app.jobs.measure.series import ALL
 from nerfnav_app.jobs.measure.series import run as run_all

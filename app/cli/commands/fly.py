@@ -76,6 +76,7 @@ def make_request(arguments: Any, place: Place) -> FlyRequest:
         source=arguments.place,
         task=arguments.task_name(place),
         camera=arguments.camera,
+        obstacles=arguments.obstacles,
         out=arguments.out,
     )
 

@@ -45,6 +45,8 @@ def command_of(request: FlyRequest, place: Place, steps: int | None, dt: float) 
     words += _option("--estimator", request.estimator, default.estimator)
     if request.camera is not None:
         words += ["--camera", str(request.camera)]
+    if request.obstacles is not None:
+        words += ["--obstacles", str(request.obstacles)]
     words += ["--open-loop"] if request.open_loop or route.flight.open_loop else []
     words += _option("--world", route.world, PlanRequest.world)
     words += ["--realtime"] if request.realtime else []

@@ -40,6 +40,8 @@ class FlyRequest:
     """The scene's task that is flown, for the record; None where the ends were chosen freely."""
     camera: Path | None = None
     """Calibration of the robot's camera that was given, for the record."""
+    obstacles: Path | None = None
+    """File of the obstacles that were placed, for the record."""
     out: Path | None = None
     """Folder for the log, which grows with each step, then the episode and trajectory.csv, trajectory.json; None
     writes nothing."""

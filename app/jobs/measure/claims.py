@@ -10,7 +10,8 @@ from typing import Any
 
 from nerfnav.experiments import Row
 from nerfnav_app.benchmarks.timing import PAPER_MACHINE
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, Measured
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS
+from nerfnav_app.jobs.measure.experiment import Measured
 from nerfnav_app.jobs.measure.manifest import Manifest
 from nerfnav_app.jobs.measure.results import cell_text, table_of, tables_of
 

@@ -11,15 +11,9 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.experiments import Results, Row
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress, Remark
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS, Experiment
 from nerfnav_app.jobs.measure.claims import write_page
-from nerfnav_app.jobs.measure.experiment import (
-    EXPERIMENTS,
-    Experiment,
-    ExperimentRequest,
-    Measured,
-    measure,
-    require_counts,
-)
+from nerfnav_app.jobs.measure.experiment import ExperimentRequest, Measured, measure, require_counts
 from nerfnav_app.jobs.measure.manifest import Manifest, make_manifest, open_folder
 from nerfnav_app.jobs.measure.results import save_results
 from nerfnav_app.storage.output_files import OutputError, write_text
@@ -61,6 +55,8 @@ def _try(request: ExperimentRequest, entry: Experiment) -> Generator[Progress | 
     own = replace(request, name=entry.name, out=request.out / entry.name)
     if entry.alone:
         own = replace(own, jobs=None, ray=None)
+    if entry.own_worlds:
+        own = replace(own, place=None)
     try:
         return (yield from measure(own))
     except OutputError:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from nerfnav_app.cli.main import main
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS
 
 
 @pytest.mark.slow

@@ -21,10 +21,11 @@ from nerfnav_app.benchmarks.comparison import Comparison
 from nerfnav_app.jobs.events import Progress, Remark
 from nerfnav_app.jobs.measure import bench, experiment
 from nerfnav_app.jobs.measure import bench as bench_measures
-from nerfnav_app.jobs.measure import experiment as experiment_catalog
+from nerfnav_app.jobs.measure import catalog as experiment_catalog
 from nerfnav_app.jobs.measure.arena import open_arena
 from nerfnav_app.jobs.measure.bench import BenchRequest
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, Experiment, ExperimentRequest
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS, Experiment
+from nerfnav_app.jobs.measure.experiment import ExperimentRequest
 from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of
 
@@ -79,6 +80,11 @@ def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
 def test_a_field_without_a_ground_truth_is_refused(field_file: Path) -> None:
     with pytest.raises(InvalidInputError, match="judged on a ground truth"):
         result_of(experiment.run(ExperimentRequest("counting", place=str(field_file))))
+
+
+def test_an_experiment_in_worlds_of_its_own_takes_no_place() -> None:
+    with pytest.raises(InvalidInputError, match="moving flies in worlds of its own: leave out --place"):
+        result_of(experiment.run(ExperimentRequest("moving", place="church")))
 
 
 def test_a_folder_that_cannot_be_written_to_is_refused_before_the_work(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import ExperimentSteps, Results, Study, run_trials
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.measure import claims, series
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, Experiment, ExperimentRequest, Measured
+from nerfnav_app.jobs.measure.catalog import EXPERIMENTS, Experiment
+from nerfnav_app.jobs.measure.experiment import ExperimentRequest, Measured
 from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of
 

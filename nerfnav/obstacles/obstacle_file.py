@@ -1,0 +1,194 @@
+"""Obstacles in files: YAML or JSON, in SI units (m, s, rad). Each has one shape, and may have a motion:
+
+    obstacles:
+      - {name: crate, box: [0.4, 0.4, 0.8], position: [1, 0, 0.4], rotation: [0, 0, 0.5], color: [0.8, 0.3, 0.1]}
+      - {name: ball, sphere: 0.3, position: [0, 0, 1], motion: {velocity: [0.2, 0, 0]}}
+      - {name: post, cylinder: {radius: 0.1, height: 2}, position: [2, 1, 1]}
+      - {name: wall, prism: {polygon: [[0, 0], [2, 0], [2, 0.1], [0, 0.1]], heights: [0, 1.5]}}
+      - {name: chair, mesh: chair.stl, position: [3, 0, 0]}    # beside the file, closed, in m
+
+    motion: {way_points: {points: [[0, 0, 0], [2, 0, 0]], speed: 0.5, closed: true}}
+    motion: {velocity: [0.2, 0, 0], max_speed: 0.5}
+    motion: {walk: {lower: [-1, -1, 0], upper: [1, 1, 0], speed: 0.4, seed: 3}}
+    motion: {trefoil: {scale: [3, 3, 3], phase: 0, slower: 5}}
+
+`rotation` is roll, pitch and yaw. All of a motion is relative to `position`. With `max_speed` the motion is refused
+where it may be faster.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.formats import convert_record, read_entries
+from nerfnav.obstacles.motions import (
+    STILL,
+    ConstantVelocity,
+    Motion,
+    RandomWalk,
+    Trefoil,
+    WayPoints,
+    require_speed,
+)
+from nerfnav.obstacles.obstacle import MOST, Obstacle, ObstacleSet
+from nerfnav.obstacles.shapes import BoxShape, Cylinder, MeshShape, Prism, Shape, Sphere
+from nerfnav.robots.body import read_mesh
+
+Coordinate = Annotated[float, Meta(ge=-1e5, le=1e5)]
+"""Coordinate [m] or component of a velocity [m/s]: larger ones are in other units."""
+Length = Annotated[float, Meta(ge=1e-3, le=1e4)]
+"""Edge, radius or height [m]: parts are at least 1 mm thick."""
+Rate = Annotated[float, Meta(ge=1e-4, le=1e4)]
+"""Speed [m/s], or the time of a radian [s]."""
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Lengths = tuple[Length, Length, Length]
+Share = Annotated[float, Meta(ge=0, le=1)]
+_SHAPES = ("box", "sphere", "cylinder", "prism", "mesh")
+_MOTIONS = ("way_points", "velocity", "walk", "trefoil")
+
+
+class CylinderEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry `cylinder`: upright, around its origin."""
+
+    radius: Length
+    height: Length
+
+
+class PrismEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry `prism`: corners in order, lower and upper height."""
+
+    polygon: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=1000)]
+    heights: tuple[Coordinate, Coordinate]
+
+
+class WayPointsEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry `way_points` of a motion."""
+
+    points: Annotated[list[Point], Meta(min_length=2, max_length=10000)]
+    speed: Rate
+    closed: bool = False
+
+
+class WalkEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry `walk` of a motion."""
+
+    lower: Point
+    upper: Point
+    speed: Rate
+    seed: Annotated[int, Meta(ge=0, le=2**53)] = 0
+
+
+class TrefoilEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry `trefoil` of a motion."""
+
+    scale: Lengths
+    slower: Rate
+    phase: Coordinate = 0.0
+
+
+class MotionEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry `motion` of an obstacle."""
+
+    way_points: WayPointsEntry | None = None
+    velocity: Point | None = None
+    walk: WalkEntry | None = None
+    trefoil: TrefoilEntry | None = None
+    max_speed: Rate | None = None
+
+
+class ObstacleEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry of `obstacles`: one shape, its pose, colour and motion."""
+
+    name: Annotated[str, Meta(max_length=100)] = ""
+    box: Lengths | None = None
+    sphere: Length | None = None
+    cylinder: CylinderEntry | None = None
+    prism: PrismEntry | None = None
+    mesh: Annotated[str, Meta(min_length=1, max_length=4096, pattern="^[^\\x00\\ud800-\\udfff]*$")] | None = None
+    position: Point = (0.0, 0.0, 0.0)
+    rotation: Point = (0.0, 0.0, 0.0)
+    color: tuple[Share, Share, Share] | None = None
+    motion: MotionEntry | None = None
+
+
+class ObstacleFile(msgspec.Struct, forbid_unknown_fields=True):
+    """File of obstacles, in YAML or JSON."""
+
+    obstacles: list[ObstacleEntry]
+
+
+def read_obstacles(path: Path) -> ObstacleSet:
+    """Read the obstacles of a file. Raises InvalidInputError, with the key's path, for one that is impossible."""
+    documents = read_entries(path)
+    if len(documents) > 1:
+        raise InvalidInputError(f"{path} has {len(documents)} documents: put all obstacles into one")
+    entries = convert_record(documents[0], ObstacleFile, path, strict=False).obstacles  # "1e-3" is a number, too
+    if not 0 < len(entries) <= MOST:
+        raise InvalidInputError(f"{path}: obstacles has {len(entries)} entries, 1 to {MOST} are needed")
+    found = tuple(_obstacle_of(entry, index, path) for index, entry in enumerate(entries))
+    return _checked(f"{path}: obstacles", lambda: ObstacleSet(found))
+
+
+def _obstacle_of(entry: ObstacleEntry, index: int, path: Path) -> Obstacle:
+    where = f"{path}: obstacles[{index}]"
+    name = entry.name.strip() or f"obstacle {index + 1}"
+    shape = _checked(where, lambda: _shape_of(entry, path.parent))
+    motion = _checked(f"{where}.motion", lambda: _motion_of(entry.motion))
+    colored: dict[str, Any] = {} if entry.color is None else {"color": entry.color}
+    return _checked(where, lambda: Obstacle(name, shape, entry.position, entry.rotation, motion, **colored))
+
+
+def _shape_of(entry: ObstacleEntry, folder: Path) -> Shape:
+    _require_one(entry, _SHAPES, "an obstacle")
+    if entry.box is not None:
+        return BoxShape(entry.box)
+    if entry.sphere is not None:
+        return Sphere(entry.sphere)
+    if entry.cylinder is not None:
+        return Cylinder(entry.cylinder.radius, entry.cylinder.height)
+    if entry.prism is not None:
+        return Prism(tuple(entry.prism.polygon), entry.prism.heights)
+    file = folder / str(entry.mesh)
+    if not file.is_file():
+        raise InvalidInputError(f"there is no mesh {file}")
+    mesh = read_mesh(file)
+    mesh.merge_vertices()  # corners of an STL belong to one face each
+    return MeshShape(mesh)
+
+
+def _motion_of(entry: MotionEntry | None) -> Motion:
+    if entry is None:
+        return STILL
+    _require_one(entry, _MOTIONS, "a motion")
+    motion: Motion
+    if entry.way_points is not None:
+        motion = WayPoints(tuple(entry.way_points.points), entry.way_points.speed, entry.way_points.closed)
+    elif entry.velocity is not None:
+        motion = ConstantVelocity(entry.velocity)
+    elif entry.walk is not None:
+        motion = RandomWalk(entry.walk.lower, entry.walk.upper, entry.walk.speed, entry.walk.seed)
+    else:
+        assert entry.trefoil is not None
+        motion = Trefoil(entry.trefoil.scale, entry.trefoil.phase, entry.trefoil.slower)
+    if entry.max_speed is not None:
+        require_speed(motion, entry.max_speed)
+    return motion
+
+
+def _require_one(entry: msgspec.Struct, names: tuple[str, ...], what: str) -> None:
+    given = [name for name in names if getattr(entry, name) is not None]
+    if len(given) != 1:
+        counted = f"has {' and '.join(given)}" if given else "has none of them"
+        raise InvalidInputError(f"{what} is one of {', '.join(names)}, and this one {counted}")
+
+
+def _checked(where: str, make: Callable[[], Any]) -> Any:
+    """Call `make`, and say in its errors where the value stands."""
+    try:
+        return make()
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{where}: {error}") from error
