@@ -98,5 +98,6 @@ class BetterFieldQuery(Query[Refinement]):
         if not better.info.iterations:  # calibrated: it looks the same
             return replace(there, results={self.slot: (self, result)})
         there = replace(there, results={}, surface_is_rough=True)
-        learned = "the colours of the mesh" if better.info.learned_from == "mesh" else "all pictures of the capture"
-        return add_notice(there, "Better colours", f"The field has learned {learned}.")
+        if better.info.learned_from == "mesh":
+            return add_notice(there, "Better colours", "The field has learned the colours of the mesh.")
+        return add_notice(there, "Trained field", "The field has learned all pictures of the capture.")

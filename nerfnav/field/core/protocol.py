@@ -76,9 +76,10 @@ def density_and_gradient(field: Field, points: np.ndarray) -> tuple[np.ndarray, 
     """rho (n) [1/m] and d rho / d p (n, 3) [1/m^2] at world points (n, 3) [m], all in float64."""
     if isinstance(field, FastDensity):
         return field.density_and_gradient(points)
-    at = torch.from_numpy(points).to(field.box.lower.device).requires_grad_()
-    density = field.density(at)
-    (gradient,) = torch.autograd.grad(density.sum(), at)
+    with torch.enable_grad():  # also where the caller needs no other derivative
+        at = torch.from_numpy(points).to(field.box.lower.device).requires_grad_()
+        density = field.density(at)
+        (gradient,) = torch.autograd.grad(density.sum(), at)
     return density.detach().double().cpu().numpy(), gradient.double().cpu().numpy()
 
 

@@ -296,8 +296,7 @@ class _Dense:
         """
         solid = self._entry(points, nodes)
         for _ in range(_SLIDES):
-            with torch.enable_grad():
-                _, slope = density_and_gradient(self.field, solid.double().cpu().numpy())
+            _, slope = density_and_gradient(self.field, solid.double().cpu().numpy())
             normal = torch.from_numpy(slope).to(points)
             steep = normal.norm(dim=-1, keepdim=True)
             normal = normal / steep.clamp_min(_FLAT)  # into what is dense

@@ -243,8 +243,8 @@ def test_a_robot_that_only_believes_to_have_arrived_is_amber_and_says_how_far_aw
 
 def test_numbers_of_a_flight_with_the_settings_before_say_so() -> None:
     record = FlightRecord(ENDS, (flight_step(ENDS, 8, EpisodeOutcome.REACHED),))
-    marked, plain = (fly_panel.describe(record, stale=False, flying=False, old=old) for old in (True, False))
-    assert marked.startswith(caution("Settings have changed: these are the numbers of the flight with the old ones."))
+    marked, plain = (fly_panel.describe(record, stale=False, flying=False, old=old) for old in ("settings", ""))
+    assert marked.startswith(caution("These are the numbers of the flight with the old settings."))
     assert marked.endswith(plain)
 
 
