@@ -155,7 +155,7 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
 
     @property
     def field_made_by(self) -> str:
-        """How the field came about: it changes when a trained field replaces a draft."""
+        """Origin of the field (`FieldInfo.made_by`), which changes when a trained field replaces a draft."""
         return "" if self.place is None else self.place.field.info.made_by
 
     @property

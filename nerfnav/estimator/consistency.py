@@ -34,7 +34,7 @@ from nerfnav.estimator.core.belief import POSE, Belief
 from nerfnav.estimator.core.filter_step import Estimator, FilterOutcome, FilterResult, FilterStep, Predictor
 
 REMEDY = "add texture, light or an inertial unit, or fly higher"
-"""What helps where there is too little to see."""
+"""Remedy where there is too little to see."""
 
 
 class Cause(Enum):

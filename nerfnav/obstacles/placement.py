@@ -43,10 +43,10 @@ def place_in_field(field: Field, obstacles: ObstacleSet) -> GridField:
     if not isinstance(field, VoxelField | BrickField):
         raise InvalidInputError("obstacles are placed in fields on a grid: bake this one first, with nerfnav bake")
     require_memory(1.0 * field.values.nbytes, "a copy of the field with obstacles", "make one with a larger --voxel")
-    values = field.values.clone()
-    states = None if field.evidence is None else field.evidence.clone()
     if isinstance(field, BrickField):
         return _in_bricks(field, obstacles)
+    values = field.values.clone()
+    states = None if field.evidence is None else field.evidence.clone()
     for obstacle in obstacles.obstacles:
         _write(_Nodes(values, states), field, obstacle, _region(field, obstacle))
     return replace(field, values=values, evidence=states)

@@ -54,38 +54,38 @@ def assess_safety(field: Field, motion: Motion, body: Body, config: SafetyConfig
     return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
 
 
-def judge_search(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome) -> PlanOutcome:
-    """Replace `outcome` by the fault of a plan that a search has ended with, if it has one."""
+def judge_search(
+    problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome, along: PathDensity | None = None
+) -> PlanOutcome:
+    """Replace `outcome` by the fault of a plan that a search has ended with, if it has one; `along` saves measuring the
+    density along the motion again."""
     if not np.isfinite(cost.total):
         return PlanOutcome.DIVERGED
-    outcome = downgrade_outcome(problem, motion, outcome)
+    outcome = downgrade_outcome(problem, motion, outcome, along)
     if outcome is not PlanOutcome.IN_COLLISION and any(use.violated for use in limit_uses(problem.robot, motion)):
         return PlanOutcome.OVER_LIMITS
     return outcome
 
 
-def downgrade_outcome(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOutcome:
+def downgrade_outcome(
+    problem: PlanProblem, motion: Motion, outcome: PlanOutcome, along: PathDensity | None = None
+) -> PlanOutcome:
     """Downgrade the outcome of a plan that counts as good where the field contradicts.
 
     A plan that is as likely as not to collide has not converged, nor is it worth more iterations.
     """
     if outcome not in FLYABLE:
         return outcome
-    along = PathDensity.of(problem.field, motion, problem.robot.body)
+    along = along or PathDensity.of(problem.field, motion, problem.robot.body)
     # the bound is a sum over body points: where it is small, none of them is hit for certain
     if along.bound_per_step.sum() < NEAR_CERTAIN:
         return outcome
-    return PlanOutcome.IN_COLLISION if _meets_density(problem, along) else PlanOutcome.LIKELY_COLLISION
+    return PlanOutcome.IN_COLLISION if meets_density(problem, along) else PlanOutcome.LIKELY_COLLISION
 
 
-def meets_density(problem: PlanProblem, motion: Motion) -> bool:
+def meets_density(problem: PlanProblem, along: PathDensity) -> bool:
     """Return True if the body comes into something dense or beyond the border, and one of its points is expected to be
-    hit, at the way points or between them."""
-    return _meets_density(problem, PathDensity.of(problem.field, motion, problem.robot.body))
-
-
-def _meets_density(problem: PlanProblem, along: PathDensity) -> bool:
-    """Return the same for densities along a path.
+    hit, at the way points or between them.
 
     One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
     """

@@ -19,7 +19,7 @@ import torch
 from nerfnav.planner.objective.objective import Evaluation, Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
 from nerfnav.planner.objective.safety import judge_search, meets_density
-from nerfnav.planner.risk.costs import CostWeights
+from nerfnav.planner.risk.costs import CostWeights, PathDensity
 from nerfnav.planner.solvers.bfgs import Iterate, NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
 from nerfnav.planner.space.ends import check_finite
@@ -137,10 +137,12 @@ def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: 
     for found in searches[winner]:
         latest[winner] = found
         yield desk.record(winner, found.point)
-    best = desk.within_limits(desk.clear_between_waypoints(latest[winner]))
+    winning = latest[winner]
+    along = desk.density_along(winning)
+    best = desk.within_limits(desk.search_finely(winning) if meets_density(problem, along) else winning)
     outcome = PlanOutcome.CONVERGED if best.settled else PlanOutcome.ITERATION_LIMIT
     last = desk.record(winner, best.point)
-    return last.end(judge_search(problem, last.motion, last.cost, outcome))
+    return last.end(judge_search(problem, last.motion, last.cost, outcome, along if best is winning else None))
 
 
 class _Desk:
@@ -175,11 +177,13 @@ class _Desk:
         ahead = sorted(found, key=lambda index: _rank(found[index].point))[: scout.survivors]
         return {index: self.objective(_last(searches[index], found[index]).point.free) for index in ahead}
 
-    def clear_between_waypoints(self, reached: Iterate) -> Iterate:
-        """Search on with more densities where the body meets something dense, if only between two way points."""
+    def density_along(self, reached: Iterate) -> PathDensity:
+        """Measure the density along a plan."""
         self._flat.forward(reached.point.free)
-        if not meets_density(self._problem, self._flat.motion()):
-            return reached
+        return PathDensity.of(self._problem.field, self._flat.motion(), self._problem.robot.body)
+
+    def search_finely(self, reached: Iterate) -> Iterate:
+        """Search on with more densities, here and in what follows: what is dense may stand between two way points."""
         self._weights, self.objective = self._fine_weights, self.fine
         return _last(minimise(self.fine, self.fine(reached.point.free), self.scales, self._config.newton))
 
