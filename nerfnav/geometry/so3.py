@@ -100,6 +100,12 @@ def from_yaw(yaw: Float[Tensor, "*batch"]) -> Matrix3:
     return exp(torch.stack([zero, zero, yaw], -1))
 
 
+def from_roll_pitch_yaw(angles: Vector3) -> Matrix3:
+    """Turn about the x axis, then y, then z of the world, by angles [rad]."""
+    x, y, z = (exp(angles[..., axis, None] * torch.eye(3).to(angles)[axis]) for axis in range(3))
+    return z @ y @ x
+
+
 def yaw_of(rotation: Matrix3) -> Float[Tensor, "*batch"]:
     """The heading of the body's x axis in the world's xy plane [rad]."""
     return torch.atan2(rotation[..., 1, 0], rotation[..., 0, 0])

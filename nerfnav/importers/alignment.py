@@ -149,9 +149,8 @@ def _floor(
 
 def turn_about_axes(degrees: Vector) -> Similarity:
     """Turn about the x axis, then y, then z of the world, through the origin, by angles [degrees]."""
-    axes = torch.eye(3, dtype=torch.float64)
-    x, y, z = (so3.exp(math.radians(angle) * axis) for angle, axis in zip(degrees, axes, strict=True))
-    return Similarity(_exact(z @ y @ x), torch.zeros(3, dtype=torch.float64), 1.0)
+    angles = torch.tensor(degrees, dtype=torch.float64).deg2rad()
+    return Similarity(_exact(so3.from_roll_pitch_yaw(angles)), torch.zeros(3, dtype=torch.float64), 1.0)
 
 
 def _turn(up: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:

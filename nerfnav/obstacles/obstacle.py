@@ -65,8 +65,7 @@ class Obstacle:
     @cached_property
     def attitude(self) -> Float[np.ndarray, "3 3"]:
         """Rotation matrix from its own axes to the world."""
-        turns = [so3.exp(torch.tensor(angle * axis)) for angle, axis in zip(self.rotation, _AXES, strict=True)]
-        return (turns[2] @ turns[1] @ turns[0]).numpy()
+        return so3.from_roll_pitch_yaw(torch.tensor(self.rotation, dtype=torch.float64)).numpy()
 
     def place(self, times: Times) -> Float[np.ndarray, "m 3"]:
         """Place of its origin at times [s], in the world [m]."""
