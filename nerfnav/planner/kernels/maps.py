@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from nerfnav.core.jit import kernel, prange
-from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_counts, part_of
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, between, node_counts, part_of
 
 
 @kernel()
@@ -225,13 +225,18 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
     """Fill nodes (n, 3) with the dense node [m] nearest to each point (n, 3); returns the distances (n) [m].
 
     A point is only looked around within `reach` [m], and within `slack` [m] more than the smallest distance that was
-    found so far: what is infinite is farther than that.
+    found so far: what is infinite is farther than that. Nor is it looked around farther than the node that the point
+    before it is nearest to, as most points lie beside the one before.
     """
     counts, side = node_counts(values, lower), 1 << BLOCK_SHIFT
     distances = np.full(points.shape[0], np.inf)
     least = reach
     for n in range(points.shape[0]):
         best = min(reach, least + slack)
+        if n > 0 and distances[n - 1] < np.inf:
+            u, v = nodes[n - 1, 0] - points[n, 0], nodes[n - 1, 1] - points[n, 1]
+            w = nodes[n - 1, 2] - points[n, 2]
+            best = min(best, math.sqrt(u * u + v * v + w * w) + 1e-9)
         i0, i1 = _blocks(points[n, 0] - lower[0], best, per_meter[0], occupied.shape[0])
         j0, j1 = _blocks(points[n, 1] - lower[1], best, per_meter[1], occupied.shape[1])
         k0, k1 = _blocks(points[n, 2] - lower[2], best, per_meter[2], occupied.shape[2])
@@ -241,14 +246,18 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
                     if not occupied[x, y, z]:
                         continue
                     for i in range(x * side, min(x * side + side + 1, counts[0])):
+                        u = i / per_meter[0] + lower[0] - points[n, 0]
+                        if abs(u) > best:
+                            continue
                         for j in range(y * side, min(y * side + side + 1, counts[1])):
+                            v = j / per_meter[1] + lower[1] - points[n, 1]
+                            if u * u + v * v > best * best:
+                                continue
                             for k in range(z * side, min(z * side + side + 1, counts[2])):
                                 # its border nodes are in the brick of the block itself
                                 part, a, b, c = part_of(values, occupied, x * side, y * side, z * side)
                                 if part[a + i - x * side, b + j - y * side, c + k - z * side, 0] <= threshold:
                                     continue
-                                u = i / per_meter[0] + lower[0] - points[n, 0]
-                                v = j / per_meter[1] + lower[1] - points[n, 1]
                                 w = k / per_meter[2] + lower[2] - points[n, 2]
                                 away = math.sqrt(u * u + v * v + w * w)
                                 if away <= best:
@@ -257,6 +266,30 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
                                     nodes[n, 2] = points[n, 2] + w
         least = min(least, distances[n])
     return distances
+
+
+@kernel()
+def bisect_entries(values, occupied, lower, per_meter, threshold, halvings, free, solid):
+    """Move `free` and `solid` (n, 3) [m] towards where the lines from the one to the other enter what is dense: each
+    time by half, to a place on the same side. Beyond the grid its border counts."""
+    counts = node_counts(values, lower)
+    for n in range(free.shape[0]):
+        for _ in range(halvings):
+            x, y, z = (
+                0.5 * (free[n, 0] + solid[n, 0]), 0.5 * (free[n, 1] + solid[n, 1]), 0.5 * (free[n, 2] + solid[n, 2])
+            )  # fmt: skip
+            u = min(max((x - lower[0]) * per_meter[0], 0.0), counts[0] - 1.0)
+            v = min(max((y - lower[1]) * per_meter[1], 0.0), counts[1] - 1.0)
+            w = min(max((z - lower[2]) * per_meter[2], 0.0), counts[2] - 1.0)
+            i, j, k = min(int(u), counts[0] - 2), min(int(v), counts[1] - 2), min(int(w), counts[2] - 2)
+            dense = False
+            if occupied[i >> BLOCK_SHIFT, j >> BLOCK_SHIFT, k >> BLOCK_SHIFT]:
+                part, a, b, c = part_of(values, occupied, i, j, k)
+                dense = between(part, 0, a, b, c, u - i, v - j, w - k) > threshold
+            if dense:
+                solid[n, 0], solid[n, 1], solid[n, 2] = x, y, z
+            else:
+                free[n, 0], free[n, 1], free[n, 2] = x, y, z
 
 
 @kernel()

@@ -22,7 +22,7 @@ from torch import Tensor
 from nerfnav.field import Field, GridField, density_and_gradient
 from nerfnav.field.core.occupancy import raw_of
 from nerfnav.geometry import spacing_of
-from nerfnav.planner.kernels.maps import nearest_dense
+from nerfnav.planner.kernels.maps import bisect_entries, nearest_dense
 from nerfnav.planner.space.border import room_to_border
 from nerfnav.planner.space.occupancy import dense_at
 from nerfnav.planner.space.scales import poses_along, scales_of
@@ -323,6 +323,10 @@ class _Dense:
 
     def _entry(self, points: Tensor, dense: Tensor) -> Tensor:
         """Find where the lines from points to dense ones enter the level set, by bisection."""
+        if isinstance(self.field, GridField):
+            free, solid = points.double().cpu().numpy().copy(), dense.double().cpu().numpy().copy()
+            bisect_entries(*self.field.kernel_grid, raw_of(self.threshold), _BISECTIONS, free, solid)
+            return torch.from_numpy(solid).to(points)
         free, solid = points, dense
         for _ in range(_BISECTIONS):
             middle = 0.5 * (free + solid)
