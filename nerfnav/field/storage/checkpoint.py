@@ -21,7 +21,7 @@ _GROWTH, _GROWTH_IN_BRICKS = 5, 2.5
 where most of it is empty."""
 
 
-def save_field(field: StoredField, path: Path) -> int:
+def save_field(field: StoredField, path: Path | str) -> int:
     """Write a field to `path` and return its size in bytes. An existing file is replaced only once all is written.
 
     Raises InvalidInputError for a kind of field without codec, FieldFileError where the file cannot be written.
@@ -30,16 +30,17 @@ def save_field(field: StoredField, path: Path) -> int:
     header, arrays = codec.encode(field)
     header = {**header, "format": codec.name, "version": codec.version}
     try:
-        return write_npz(path, {**arrays, "header": np.array(json.dumps(header))})
+        return write_npz(Path(path), {**arrays, "header": np.array(json.dumps(header))})
     except OSError as error:
         raise FieldFileError(f"the field cannot be written to {path}: {error.strerror}") from error
 
 
-def load_field(path: Path) -> StoredField:
+def load_field(path: Path | str) -> StoredField:
     """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field.
 
     Raises InvalidInputError where the memory cannot hold it, before it is read.
     """
+    path = Path(path)
     if not path.is_file():
         raise FieldFileError(f"there is no field file {path}; make one with nerfnav train")
     try:

@@ -60,6 +60,12 @@ def test_what_is_not_a_field_is_refused_in_one_sentence(tmp_path: Path, kind: st
     assert "\n" not in str(error.value)
 
 
+def test_a_path_may_be_a_string(tmp_path: Path):
+    path = str(tmp_path / "field.npz")
+    save_field(random_voxels(), path)
+    assert torch.equal(load_field(path).box.upper, random_voxels().box.upper)
+
+
 def test_a_missing_file_is_named(tmp_path: Path):
     with pytest.raises(FieldFileError, match=r"there is no field file .*nowhere\.npz"):
         load_field(tmp_path / "nowhere.npz")
