@@ -11,14 +11,20 @@ import torch
 
 # isort: on
 
+from nerfnav.core.kernel_cache import cache_folder
+
 # Tests are many small operations, often beside other busy processes: more threads only wait for each other.
 torch.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep flights and places of the tests in temporary folders, not in the working folder."""
+    """Keep flights and places of the tests in temporary folders, not in the working folder.
+
+    Compiled kernels stay where they are, for tests that move the user's cache too: to compile them takes 100 s.
+    """
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NUMBA_CACHE_DIR", str(cache_folder().parents[1]))
         patch.setenv("NERFNAV_RUNS", str(tmp_path_factory.mktemp("shelf")))
         patch.setenv("NERFNAV_PLACES", str(tmp_path_factory.mktemp("places")))
         yield

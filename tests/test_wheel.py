@@ -55,9 +55,8 @@ class Installed:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment variables without those that lead to the repository, and with a kernel cache that is deleted."""
-        ours = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NERFNAV"))}
-        return {**ours, "NUMBA_CACHE_DIR": str(self.folder.parent / "kernels")}
+        """Environment variables without those that lead to the repository; equal kernels share one cache."""
+        return {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NERFNAV"))}
 
 
 @pytest.fixture(scope="module")

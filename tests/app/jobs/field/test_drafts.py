@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.grid_learner import GridLearner
@@ -31,7 +30,6 @@ from tests.importers.captures.test_depths import write_depths
 
 @pytest.fixture(autouse=True)
 def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache_folder().parents[1]))  # where kernels are compiled already
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(captures, "NODES", 4000)
     monkeypatch.setattr(train, "OUTSIDE_NODES", 32)
