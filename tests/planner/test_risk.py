@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import scipy
 import torch
 from torch import Tensor
 
@@ -227,6 +228,10 @@ def test_maps_that_tell_headings_apart_know_with_which_of_them_noise_is_likely_t
     x, y = ((at - occupancy.box.lower[axis].item()) / occupancy.spacing[axis].item() for axis, at in ((0, 0), (1, 0.5)))
     door = found[:, round(x), round(y), 0]
     assert door.argmin() == 0 and door[len(door) // 2] > door[0] + 0.2
+    centre = occupancy.centers(torch.tensor([[round(x), round(y), 0]])).double().numpy()[0]
+    at = (centre - chances.lower) * chances.per_meter
+    exact = scipy.ndimage.map_coordinates(chances.chances[-1, 0], at[:, None], order=1)
+    np.testing.assert_allclose(door[0], exact[0], atol=1e-6)
     single = OccupancyMap.of(wall, couch.body, OccupancyConfig(headings=1), 0.4)
     np.testing.assert_array_equal(chances.sample_voxels(single)[0] <= found.min(0) + 1e-6, True)
 

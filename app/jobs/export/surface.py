@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float, Float32, Int, Int32
 
 from nerfnav.core.steps import run_steps
 from nerfnav.field import GridField, field_mesh, open_rooms
@@ -72,19 +73,46 @@ def encode_scene(scene: "Scene") -> bytes:
 
     from nerfnav.world import scene_color
 
-    vertices, faces = np.asarray(scene.mesh.vertices), np.asarray(scene.mesh.faces)
-    origin = np.arange(len(faces))
-    if len(faces) < _MOST_FACES:
-        edge = float(scene.box.size.max()) / _EDGE
-        finer = trimesh.remesh.subdivide_to_size(vertices, faces, edge, return_index=True)
-        vertices, faces, origin = finer[0], finer[1], finer[-1]
-    corners = vertices[faces].reshape(-1, 3)
-    face = np.repeat(origin, 3).astype(np.int32)
-    weights = trimesh.triangles.points_to_barycentric(scene.mesh.triangles[face], corners)
-    colors = scene_color(scene)(face, weights.astype(np.float32)).round().clip(0, 255).astype(np.uint8)
+    triangles = np.asarray(scene.mesh.triangles)
+    edge = float(scene.box.size.max()) / _EDGE if len(triangles) < _MOST_FACES else np.inf
+    face, weights, faces = divide_triangles(triangles, edge)
+    colors = scene_color(scene)(face, weights).round().clip(0, 255).astype(np.uint8)
+    corners = np.einsum("nk,nki->ni", weights, triangles[face])
     lower, upper = scene.box.lower.tolist(), scene.box.upper.tolist()
-    apart = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), vertex_colors=colors, process=False)
-    return encode_colored_glb(apart, (lower, upper))
+    return encode_colored_glb(trimesh.Trimesh(corners, faces, vertex_colors=colors, process=False), (lower, upper))
+
+
+def divide_triangles(
+    triangles: Float[np.ndarray, "f 3 3"], edge: float
+) -> tuple[Int32[np.ndarray, " n"], Float32[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    """Divide triangles [m] evenly, each into as many that no edge is longer than `edge` [m].
+
+    Returns the new corners, by their triangle and their weights of its three corners, and the new triangles, by their
+    new corners; two triangles share none.
+    """
+    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=-1).max(1, initial=0.0)
+    counts = np.maximum(np.ceil(longest / edge), 1).astype(int)
+    origins, weights, faces, begun = [], [], [], 0
+    for count in np.unique(counts):
+        among, (own, parts) = np.flatnonzero(counts == count), _lattice(count)
+        first = begun + len(own) * np.arange(len(among))
+        origins.append(np.repeat(among, len(own)).astype(np.int32))
+        weights.append(np.tile(own, (len(among), 1)))
+        faces.append((first[:, None, None] + parts).reshape(-1, 3))
+        begun += len(own) * len(among)
+    return np.concatenate(origins), np.concatenate(weights), np.concatenate(faces)
+
+
+def _lattice(count: int) -> tuple[Float32[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    """Weights of the points that divide each edge of a triangle into `count`, and the triangles between them."""
+    i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
+    i, j = i[i + j <= count], j[i + j <= count]
+    number = np.zeros((count + 2, count + 2), int)
+    number[i, j] = np.arange(len(i))
+    upright = np.stack([number[i, j], number[i + 1, j], number[i, j + 1]], -1)[i + j < count]
+    inverted = np.stack([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], -1)[i + j < count - 1]
+    weights = (np.stack([count - i - j, i, j], -1) / count).astype(np.float32)
+    return weights, np.concatenate([upright, inverted])
 
 
 def _mesh(place: Place) -> "trimesh.Trimesh":

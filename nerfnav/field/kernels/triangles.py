@@ -216,6 +216,8 @@ def splat_colors(grid, samples, surface, signed, sums):
             ox = lower[0] + i * spacing[0] - x
             for j in range(max(0, j0), min(ny, j0 + 4)):
                 oy = lower[1] + j * spacing[1] - y
+                if ox * ox + oy * oy > farthest:
+                    continue
                 for k in range(max(0, k0), min(nz, k0 + 4)):
                     oz = lower[2] + k * spacing[2] - z
                     apart = ox * ox + oy * oy + oz * oz

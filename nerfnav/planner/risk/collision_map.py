@@ -81,9 +81,8 @@ class CollisionMap:
             (first[axis] + np.arange(shape[axis]) * spacing[axis] - self.lower[axis]) * self.per_meter[axis]
             for axis in range(3)
         ]
-        centres = np.meshgrid(*axes, indexing="ij")
         turned = [self._turn(turn / count) for turn in range(count)] if count > 1 else [self.chances[-1].min(0)]
-        return np.stack([scipy.ndimage.map_coordinates(chances, centres, order=1) for chances in turned])
+        return np.stack([_interpolate(chances, axes) for chances in turned])
 
     def _turn(self, share: float) -> Float[np.ndarray, "nx ny nz"]:
         """Interpolate the last chances at a heading, in shares of half a turn below 1."""
@@ -129,6 +128,18 @@ def _blur(field: Field, robot: Robot, height: float | None, deviations: tuple[De
     if height is not None:  # the same at whatever height
         chances, lower[2] = np.repeat(chances, 3, -1), lower[2] - spacing[2]
     return CollisionMap(chances, lower, 1 / spacing)
+
+
+def _interpolate(
+    values: Float[np.ndarray, "nx ny nz"], axes: list[Float[np.ndarray, " _m"]]
+) -> Float[np.ndarray, "mx my mz"]:
+    """Interpolate linearly at the places of a grid, which are nodes along each axis, one axis after the other."""
+    for axis, places in enumerate(axes):
+        below = np.clip(places.astype(int), 0, values.shape[axis] - 2)
+        rest = (places - below).astype(np.float32).reshape(np.where(np.arange(3) == axis, -1, 1))
+        first, second = (np.take(values, nodes, axis) for nodes in (below, below + 1))
+        values = first + rest * (second - first)
+    return values
 
 
 def _layer(

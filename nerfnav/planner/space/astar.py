@@ -107,6 +107,8 @@ def _searched(
     greeds = (_NEARLY if guided else 1.0, config.greed if config.danger == 0 else _GREEDIER * config.greed)
     found = []
     for index in range(config.ways):
+        if found and prices.size > _LARGE:
+            guide = search.costs_to(prices, ends[1])  # prices rose: an old one leads back to the paths before
         nodes = cheapest_path(prices, ends, turn, greeds[min(index, 1)], guide)
         if len(nodes) == 0:
             break

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from nerfnav.field import Field
 from nerfnav.geometry import node_positions
+from nerfnav.planner.kernels import maps
 from nerfnav.planner.space.occupancy import OccupancyMap, dense_at
 from nerfnav.planner.space.scales import grain_of, threshold_of
 from nerfnav.robots import Body
@@ -57,9 +58,8 @@ def free_regions(
     spacing = occupancy.spacing.numpy().astype(float)
     for blocked in (every, some) if len(occupancy.by_heading) > 1 else (every,):
         free = ~blocked if supported is None else ~blocked & supported
-        distance = _distance(free, spacing)
         for room in _ROOMS:
-            inside = _largest(distance > room * spacing.max())
+            inside = _largest(_eroded(free, room * float(spacing.max()), spacing))
             if inside.any():
                 yield Region(occupancy, inside)
 
@@ -136,19 +136,16 @@ class _Levels:
         return closed.reshape(*closed.shape, 1)
 
 
-def _distance(free: Bool[np.ndarray, "nx ny nz"], spacing: np.ndarray) -> Float[np.ndarray, "nx ny nz"]:
-    """Measure the distance of each voxel from space that is not free, the border of the box included [m]."""
+def _eroded(
+    free: Bool[np.ndarray, "nx ny nz"], reach: float, spacing: Float[np.ndarray, "3"]
+) -> Bool[np.ndarray, "nx ny nz"]:
+    """Select the voxels farther than `reach` [m] from space that is not free, the border of the box included."""
     around = tuple((1, 1) if count > 1 else (0, 0) for count in free.shape)
-    padded = np.pad(free, around)
-    nearest = scipy.ndimage.distance_transform_edt(padded, spacing, return_distances=False, return_indices=True)
-    squared = np.zeros(padded.shape)
-    # axis by axis: the transform's own distances take three arrays of coordinates, and twice the time
-    for index, (found, edge) in enumerate(zip(np.asarray(nearest), spacing, strict=True)):
-        own = np.arange(padded.shape[index]).reshape(np.where(np.arange(3) == index, -1, 1))
-        apart = (found - own) * edge
-        squared += np.square(apart, out=apart)
-    x, y, z = (slice(before, size - after) for (before, after), size in zip(around, padded.shape, strict=True))
-    return np.sqrt(squared[x, y, z])
+    blocked = np.pad(~free, around, constant_values=True)
+    # prices rise within the reach; a little more, for they hardly rise at its end
+    prices = maps.prices_near(blocked.view(np.uint8), spacing, 1.0001 * reach, 1.0)
+    x, y, z = (slice(before, size - after) for (before, after), size in zip(around, blocked.shape, strict=True))
+    return prices[x, y, z] == 1
 
 
 def _largest(mask: Bool[np.ndarray, "nx ny nz"]) -> Bool[np.ndarray, "nx ny nz"]:

@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.planner.kernels.search import costs_to
+from nerfnav.planner.kernels.search import CLUSTER, costs_to
+from nerfnav.planner.space import astar
 from nerfnav.planner.space.astar import (
     SearchConfig,
     _node,
@@ -180,6 +181,23 @@ def test_a_coarse_map_guides_to_the_cheapest_way(seed: int):
         for guide in (UNGUIDED, costs_to(prices, ends[1]))
     )
     assert guided == pytest.approx(straight, rel=1e-3)
+
+
+def test_on_a_large_map_the_guide_of_a_later_way_knows_the_prices_around_earlier_ones(monkeypatch: pytest.MonkeyPatch):
+    guides = []
+
+    def noted(prices: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        guides.append(costs_to(prices, goal))
+        return guides[-1]
+
+    monkeypatch.setattr(astar, "_LARGE", 1000)
+    monkeypatch.setattr(astar.search, "costs_to", noted)
+    occupancy = OccupancyMap.of(Wall(door=0.5), ROBOT.body, COARSE)
+    start, goal = RigidState.at_rest((-0.7, 0.0, 0.4)), RigidState.at_rest((0.7, 0.0, 0.4))
+    find_paths(occupancy, start, goal, SearchConfig(ways=3, berth=0.4))
+    at = tuple(int(index) // CLUSTER for index in occupancy.index(start.position))
+    before = [guide[at] for guide in guides]
+    assert before[0] < before[1] < before[2]
 
 
 def test_later_ways_keep_off_the_ones_before_them():
