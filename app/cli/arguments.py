@@ -254,11 +254,11 @@ def note_move(summary: dict[str, Any]) -> None:
         note(f"the robot stands on the floor: its height was changed at {moved}")
 
 
-def note_blindness(summary: dict[str, Any], most: float | None) -> None:
-    """Tell the user of a plan with too little to see: more than --max-blind accepts, or anywhere."""
+def note_blindness(summary: dict[str, Any], most: float | None, in_draft: bool) -> None:
+    """Tell the user of a plan with too little to see, in a draft or not: more than --max-blind accepts, or anywhere."""
     share = (summary.get("expected_sigma") or {}).get("blind_share", 0.0)
     if share > (most or 0.0):
-        note(explain_blindness(share, most))
+        note(explain_blindness(share, most, in_draft))
 
 
 def with_settings(arguments: type[Any], settings: object) -> type[Any]:

@@ -16,6 +16,9 @@ BUDGETS_S: dict[QualityName, float] = {"draft": 20.0, "good": 60.0, "best": 240.
 """Time that is spent on learning a field in the page [s]: the usual one is enough to fly in, and short enough to wait
 for."""
 
+PICTURE_EVERY_S = 1.0
+"""Time between two pictures of a field in training in the page [s]."""
+
 
 __all__ = ["SUFFIXES", "title_of", "without_folder", "without_paths"]
 

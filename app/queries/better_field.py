@@ -9,8 +9,10 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field import VoxelField
+from nerfnav.field import TrainStep, VoxelField
 from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.places.sources import BUDGETS_S, QualityName
 from nerfnav_app.queries.query import Query, Resources
@@ -29,6 +31,8 @@ class Refinement:
     """The field of this step, where it is better than the one before it."""
     left_s: float | None = None
     """Time to the trained field, while nothing else is computed [s]; None while unknown."""
+    picture: np.ndarray | None = field(default=None, compare=False, repr=False)
+    """Picture of the field in training, (height, width, 3), sRGB bytes; None while there is none."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,8 @@ class BetterFieldQuery(Query[Refinement]):
         step = next(before.going)
         if isinstance(step, VoxelField):
             return Refinement(before.going, step)
+        if isinstance(step, TrainStep) and step.picture is not None:
+            return replace(before, better=None, picture=step.picture)
         return replace(before, better=None, left_s=step.left_s if isinstance(step, Progress) else before.left_s)
 
     def _begin(self, resources: Resources) -> Generator[JobEvent | VoxelField, None, None]:

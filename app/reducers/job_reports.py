@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseResult, RelocaliseStep
+from nerfnav.field import TrainStep
 from nerfnav.importers import UNIT_ASSUMED, warn_implausible_size
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
@@ -43,6 +44,8 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
             return replace(session, refused_export=RefusedExport(refusal, replace(session, job=None).asked))
         case e.Progress(label, fraction, left_s):
             return replace(session, job=replace(job, label=label, fraction=fraction, left_s=left_s))
+        case TrainStep(picture=picture):
+            return session if picture is None else replace(session, job=replace(job, picture=picture))
         case PlanStep() | FilterStep() | NavigationStep():
             return _add_step(session, job, event)
         case RelocaliseStep():

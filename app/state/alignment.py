@@ -147,7 +147,7 @@ class AlignmentDraft:
     by_hand: bool = False
     """True while the gizmo is shown."""
     held: bool = False
-    """True while the user drags the gizmo or a corner of the crop box."""
+    """True while the user drags the gizmo or a face of the crop box."""
     pointing: PickTarget | None = None
     """Measurement that the next click takes; None: clicks measure nothing."""
     clicked: Ray | None = None
@@ -289,7 +289,7 @@ class Crop:
 
     box: Corners | None
     held: bool = False
-    """True while the user still drags a corner."""
+    """True while the user still drags a face."""
 
 
 @dataclass(frozen=True)

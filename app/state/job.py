@@ -7,6 +7,8 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
 from nerfnav.export import Refusal, Subject
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.plan import PlanRecord
@@ -109,6 +111,8 @@ class Job:
     """0 to 1; None while unknown."""
     left_s: float | None = None
     """Estimated time left [s]; None while unknown."""
+    picture: np.ndarray | None = field(default=None, compare=False, repr=False)
+    """Picture of the field in training, (height, width, 3), sRGB bytes; None while there is none."""
     paused: bool = False
     """Hold once the flight has reported `allowed_steps` time steps."""
     allowed_steps: int = 0

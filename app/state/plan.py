@@ -259,6 +259,12 @@ class PlanRecord:
         return expected is not None and expected.blind_share > 0
 
     @property
+    def is_mostly_blind(self) -> bool:
+        """True where there is too little to see on a large share of the plan."""
+        expected = self.expected_sigma
+        return expected is not None and classify_blindness(expected.blind_share) is RiskLevel.HIGH
+
+    @property
     def leads(self) -> bool:
         """True where it holds a trajectory from start to goal, safe or not."""
         return self.latest is not None and self.outcome not in NO_TRAJECTORY

@@ -185,10 +185,17 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         return self.plan if self.plan is not None and self.plan.is_unsafe and not self.plan_is_stale else None
 
     @property
+    def in_draft(self) -> bool:
+        """True where the field of the place is a draft."""
+        return self.place is not None and self.place.field.info.is_draft
+
+    @property
     def doubtful_plan(self) -> PlanRecord | None:
-        """The plan, if it is up to date, and the user has to confirm its flight: it is unsafe, or its risk is high."""
+        """The plan, if it is up to date, and the user has to confirm its flight: it is unsafe, its risk is high, or too
+        little is seen along it in a draft, which will show more once it is trained."""
         fresh = self.fresh_plan
-        return fresh if fresh is not None and fresh.is_risky else self.unsafe_plan
+        doubtful = fresh is not None and (fresh.is_risky or (self.in_draft and fresh.is_mostly_blind))
+        return fresh if doubtful else self.unsafe_plan
 
     @property
     def plan_follows_hand(self) -> bool:

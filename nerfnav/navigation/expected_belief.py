@@ -40,11 +40,12 @@ _NEARBY = 0.4
 """Distance from a place within which a picture shows about what one from there does [m]."""
 
 
-def explain_blindness(share: float, most: float | None = None) -> str:
+def explain_blindness(share: float, most: float | None = None, in_draft: bool = False) -> str:
     """Explain that on a share of the plan, 0 to 1, there is too little to see, and name the remedies; `most` is the
-    largest share that is accepted, where it is exceeded."""
+    largest share that is accepted, where it is exceeded. A draft of a field shows less than it will."""
     excess = "" if most is None else f", more than the {100 * most:.0f} % that are accepted"
-    return f"too little to see on {max(1, round(100 * share))} % of the way{excess}: {REMEDY}"
+    remedy = "this field is a draft, fly once it is trained" if in_draft else REMEDY
+    return f"too little to see on {max(1, round(100 * share))} % of the way{excess}: {remedy}"
 
 
 def can_expect(field: Field) -> bool:

@@ -91,6 +91,6 @@ def run(arguments: Any) -> None:
     title = f"flight in {place.name}"
     summary = run_and_print(title, run_job(request, place), arguments.json, can_stop_early=True).summary
     note_move(summary)
-    note_blindness(summary, arguments.max_blind)
+    note_blindness(summary, arguments.max_blind, place.field.info.is_draft)
     if arguments.out is None:
         note(f"the flight is kept in {request.out}")

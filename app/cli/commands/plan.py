@@ -45,7 +45,7 @@ def run(arguments: Any) -> None:
     request = replace(arguments.request(place, arguments.config, None, flight, arguments.world), out=arguments.out)
     summary = run_and_print(f"plan in {place.name}", run_job(request, place), arguments.json).summary
     note_move(summary)
-    note_blindness(summary, arguments.max_blind)
+    note_blindness(summary, arguments.max_blind, place.field.info.is_draft)
     unsafe = next((outcome for outcome in UNSAFE if outcome.name.lower() == summary["outcome"]), None)
     if unsafe is not None:
         raise UnsafePlanError(f"this plan is not safe to fly: {unsafe.value}")

@@ -18,7 +18,7 @@ from nerfnav_app.jobs.field.report import judge_field, noted, stored
 from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.train import config_for, learn_voxels, require_map_memory
 from nerfnav_app.jobs.field.training_data import TrainingData, gather
-from nerfnav_app.places.sources import BUDGETS_S, QualityName
+from nerfnav_app.places.sources import BUDGETS_S, PICTURE_EVERY_S, QualityName
 from nerfnav_app.storage.output_files import prepare_file
 
 _REPORT_EVERY = 2
@@ -78,7 +78,7 @@ def refine(
     Its budget of `seconds` counts the time of the steps alone, not that between them.
     """
     clock = Deadline()
-    config = TrainConfig(report_every=_REPORT_EVERY)
+    config = TrainConfig(report_every=_REPORT_EVERY, picture_every=PICTURE_EVERY_S)
     request = TrainRequest(str(source), file, quality=quality, budget=seconds, config=config)
     for event in train.run(request, clock):
         with clock.paused():

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.field import load_field
+from nerfnav.field import TrainConfig, load_field
 from nerfnav.importers import Corners, Placement, SceneConfig, SourceKind, field_name, source_kind
 from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
 from nerfnav.importers.meshes.files import list_archived_meshes
@@ -19,7 +19,7 @@ from nerfnav_app.jobs.field.report import stored
 from nerfnav_app.jobs.field.train import TrainRequest
 from nerfnav_app.jobs.open import import_field
 from nerfnav_app.jobs.open.import_field import ImportRequest
-from nerfnav_app.places.sources import BUDGETS_S, USUAL, QualityName
+from nerfnav_app.places.sources import BUDGETS_S, PICTURE_EVERY_S, USUAL, QualityName
 from nerfnav_app.storage.output_files import prepare_file
 
 
@@ -28,7 +28,8 @@ def run(source: Path, out: Path, quality: QualityName = USUAL, box: Corners | No
     placement = Placement(box=box)
     if import_field.imports(source):
         return import_field.run(ImportRequest(source, out, placement=placement))
-    request = TrainRequest(str(source), out, quality=quality, placement=placement)
+    config = TrainConfig(picture_every=PICTURE_EVERY_S)
+    request = TrainRequest(str(source), out, quality=quality, placement=placement, config=config)
     if source_kind(source) is SourceKind.MESH:
         return _bake_mesh(request)
     if quality == "draft":

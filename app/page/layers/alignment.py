@@ -5,6 +5,7 @@ flights, is hidden meanwhile.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import viser
@@ -22,8 +23,9 @@ from nerfnav_app.state.view import to_point
 
 _THICKNESS, _CROSS = 0.005, 0.035
 """Of lines, and half the size of a point's cross, in longest edges of the place."""
-GIZMO, _CORNER = 0.3, 0.12
-"""Length of the arrows of the place, and of a corner of the crop box, in longest edges of the place."""
+GIZMO, _FACE = 0.3, 0.12
+"""Length of the arrows of the place, and of a face of the crop box, in longest edges of the place."""
+_AXES = "xyz"
 _CELLS = 10
 """Cells of the floor along the longest edge of the place."""
 _CORNERS = np.array([[i >> 2, (i >> 1) & 1, i & 1] for i in range(8)])
@@ -40,19 +42,25 @@ class AlignmentLayer:
         self._server, self._post = server, post
         self._of_before = [server.scene.add_frame(name, show_axes=False) for name in _OF_BEFORE]
         self._lines: dict[str, Fan] = {}
-        self._gizmo = _Handle(server, "/alignment/gizmo", self._turned, turns=True)
-        self._corners = tuple(
-            _Handle(server, f"/alignment/{name}", self._dragged, turns=False) for name in ("lower", "upper")
-        )
+        self._gizmo = _Handle(server, "/alignment/gizmo", self._turned)
+        self._faces = {
+            (side, axis): _Handle(server, f"/alignment/{name}_{_AXES[axis]}", partial(self._dragged, side, axis), axis)
+            for side, name in enumerate(("lower", "upper"))
+            for axis in range(3)
+        }
+        self._crop: Corners | None = None
         self._label = server.scene.add_label("/alignment/size", "", visible=False, anchor="bottom-center")
 
     def _turned(self, held: bool) -> None:
         qw, qx, qy, qz = self._gizmo.wxyz.tolist()
         self._post(PosePlace((qw, qx, qy, qz), self._gizmo.position, held))
 
-    def _dragged(self, held: bool) -> None:
-        lower, upper = (corner.position for corner in self._corners)
-        self._post(Crop((lower, upper), held))
+    def _dragged(self, side: int, axis: int, held: bool) -> None:
+        """Move one face of the crop box along its axis."""
+        if self._crop is not None:
+            corners = np.array(self._crop)
+            corners[side, axis] = self._faces[side, axis].position[axis]
+            self._post(Crop((to_point(corners[0]), to_point(corners[1])), held))
 
     def show(self, session: Session) -> None:
         """Draw box, floor, points and handles; lines are added once there is something to draw."""
@@ -98,19 +106,28 @@ class AlignmentLayer:
             pose = draft.now.pose(box)
             wxyz = tf.SO3.from_matrix(pose.rotation.numpy()).wxyz
             self._gizmo.show(to_point(pose.position), GIZMO * size, wxyz)
-        crop = None if box is None else draft.now.crop
-        for corner, at in zip(self._corners, crop or (None, None), strict=True):
-            corner.show(at, _CORNER * size)
+        self._crop = None if box is None else draft.now.crop
+        for (side, axis), face in self._faces.items():
+            if self._crop is None:
+                face.show(None, _FACE * size)
+                continue
+            middle = np.mean(self._crop, axis=0)
+            middle[axis] = self._crop[side][axis]
+            face.show(to_point(middle), _FACE * size)
 
 
 class _Handle:
-    """Gizmo of a pose or a point, which a hand is ahead of."""
+    """Gizmo of a pose, or of a point on an axis, which a hand is ahead of."""
 
-    def __init__(self, server: viser.ViserServer, name: str, moved: Callable[[bool], None], turns: bool) -> None:
-        """Add it, hidden; `moved` is called with whether it is still held."""
+    def __init__(
+        self, server: viser.ViserServer, name: str, moved: Callable[[bool], None], axis: int | None = None
+    ) -> None:
+        """Add it, hidden; `moved` is called with whether it is still held. With an axis, it moves along that alone."""
+        first, second, third = (axis in (None, index) for index in range(3))
         self._node = server.scene.add_transform_controls(
-            name, line_width=3.0, disable_rotations=not turns, depth_test=False, opacity=0.9, visible=False
-        )
+            name, line_width=3.0, active_axes=(first, second, third), disable_rotations=axis is not None,
+            depth_test=False, opacity=0.9, visible=False,
+        )  # fmt: skip
         self._held, self._moved = False, moved
         self._node.on_update(self._take)
 

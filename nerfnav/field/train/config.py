@@ -65,6 +65,9 @@ class TrainConfig:
     field_every: float | None = None
     """Time between two fields in training [s]; evaluating one takes seconds. None: only the last is made."""
 
+    picture_every: float | None = None
+    """Time between two small pictures of the field in training [s]; None: none."""
+
     @property
     def stage_ends(self) -> list[float]:
         """At which share of the training each stage ends."""

@@ -13,8 +13,9 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.core.deadline import Deadline
@@ -37,6 +38,8 @@ from nerfnav.field.train.training_volume import TrainingVolume
 from nerfnav.geometry import Box, PosedImages
 
 _LEAST_IMAGES = 2
+_PICTURE = 320
+"""Longest side of pictures of the field in training [pixels]."""
 _ORTHONORMAL = 1e-2  # how far a rotation times its transpose may be from the identity
 
 
@@ -105,6 +108,12 @@ def _on_device(learner: GridLearner, config: TrainConfig) -> GridLearner | Torch
     return learner if device.type == "cpu" else TorchLearner.of(learner, device)
 
 
+def _picture(learner: GridLearner | TorchLearner, sampler: RaySampler) -> UInt8[np.ndarray, "height width 3"]:
+    """Render the field so far from the first photograph, in some hundredths of a second."""
+    rays, (rows, columns) = sampler.draw_view(0, _PICTURE)
+    return (255 * learner.colors(rays).numpy()).clip(0, 255).round().astype(np.uint8).reshape(rows, columns, 3)
+
+
 def train(
     photographs: PosedImages,
     held_out: PosedImages,
@@ -138,7 +147,7 @@ def train(
         return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))
 
     stop: bool | None = None
-    next_field_s = config.field_every or math.inf
+    next_field_s, next_picture_s = config.field_every or math.inf, 0.0 if config.picture_every else math.inf
     while progress.fraction < 1 and not stop:
         if progress.fraction >= ends[stage]:
             stage += 1
@@ -157,6 +166,11 @@ def train(
             so_far = evaluate(learner.so_far(config.finish))
             next_field_s = progress.elapsed_s + (config.field_every or math.inf)
             stop = yield replace(progress.step(), so_far=so_far)
+        elif progress.elapsed_s > next_picture_s:
+            with threads(workers):
+                picture = _picture(learner, sampler)
+            next_picture_s = progress.elapsed_s + (config.picture_every or math.inf)
+            stop = yield replace(progress.step(), picture=picture)
         elif progress.is_due(config.report_every):
             stop = yield progress.step()
     rate = progress.rays_per_s

@@ -1,7 +1,10 @@
 """Training progress: the share that is done, the current error, and the speed."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import UInt8
 
 from nerfnav.core.deadline import Deadline
 from nerfnav.field.models.voxel import VoxelField
@@ -29,6 +32,8 @@ class TrainStep:
     """The field so far, evaluated as the trained field is, so that one can plan in it: set every `field_every` s."""
     last: bool = False
     """Training has ended."""
+    picture: UInt8[np.ndarray, "height width 3"] | None = field(default=None, compare=False, repr=False)
+    """The field so far, seen from the first photograph, sRGB: set every `picture_every` s."""
 
 
 _EVALUATION = 0.25

@@ -99,8 +99,20 @@ class RaySampler:
         counted = None if self._counted is None else self._counted[chosen].numpy()
         return replace(batch, targets=batch.targets * np.repeat(self._gains, 4 * count, axis=0), counted=counted)
 
-    def _batch(self, chosen: np.ndarray) -> RayBatch:
-        jitter = torch.rand(len(chosen), generator=self._generator).numpy() - np.float32(0.5)
+    def draw_view(self, image: int, longest: int) -> tuple[RayBatch, tuple[int, int]]:
+        """Rays of a whole photograph, at most so many along each side, row by row; their rows and columns.
+
+        Nothing is drawn at random: what comes later does not depend on it.
+        """
+        width, height = self._size
+        factor = -(-max(width, height) // longest)
+        rows, columns = (np.arange(factor // 2, size, factor) for size in (height, width))
+        chosen = (image * width * height + rows[:, None] * width + columns).reshape(-1)
+        return self._batch(chosen, np.zeros(len(chosen), np.float32)), (len(rows), len(columns))
+
+    def _batch(self, chosen: np.ndarray, jitter: np.ndarray | None = None) -> RayBatch:
+        if jitter is None:
+            jitter = torch.rand(len(chosen), generator=self._generator).numpy() - np.float32(0.5)
         origins, directions = rays_of_pixels(
             chosen, *self._size, self._focal, self._center, self._rotations, self._positions
         )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -52,6 +53,16 @@ def test_progress_counts_up_to_the_end(trained: tuple[list[TrainStep], VoxelFiel
     assert fractions == sorted(fractions) and fractions[-1] == 1
     assert [step.last for step in steps] == [False] * (len(steps) - 1) + [True]
     assert all(step.rays_per_s > 0 for step in steps)
+
+
+def test_pictures_of_a_training_sharpen_and_change_nothing_in_it():
+    brief = replace(CONFIG, iterations=120, rays=512, report_every=20)
+    (_, alone), (steps, field) = run(brief), run(replace(brief, picture_every=1e-9))
+    first, *_, last = (step.picture for step in steps if step.picture is not None)
+    photograph = photographs_of_ball(24).images[0].numpy().astype(float)
+    errors = [np.square(picture - photograph).mean() for picture in (first, last)]
+    assert last.shape == photograph.shape and errors[1] < 0.5 * errors[0]
+    assert torch.equal(field.values, alone.values)
 
 
 @pytest.mark.slow

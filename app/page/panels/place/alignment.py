@@ -57,7 +57,7 @@ class AlignmentPanel:
                 "Distance [m]", 0.0, min=0.0, step=0.001, visible=False, hint="True distance of the two points"
             )
             self._scale = gui.add_number("Scale", 1.0, min=0.0, step=0.0001, hint="New metres in a metre of before")
-            self._crop = gui.add_checkbox("Crop", False, hint="Keep a box of the place: drag its corners")
+            self._crop = gui.add_checkbox("Crop", False, hint="Keep a box of the place: drag its six faces")
             self._lower = gui.add_vector3("Keep from [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
             self._upper = gui.add_vector3("Keep to [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
             self._status = gui.add_html("")
@@ -81,7 +81,7 @@ class AlignmentPanel:
         self._save.on_click(self._send)
 
     def _box(self) -> Crop | None:
-        """Keep all of the place at first: its corners are to be dragged from there."""
+        """Keep all of the place at first: its faces are to be dragged from there."""
         if self._session is None or self._session.place is None:
             return None
         if not self._crop.value:

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import viser
+from PIL import Image
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
@@ -24,6 +26,9 @@ _DRAFT = (
     "This field is a draft, learned in seconds. While its capture is open, it is learned further: fly by camera after "
     "that."
 )
+_LONGER = 280
+"""Longer side of the picture of a field in training [pixels]."""
+_NOTHING = np.full((2, 4, 3), 30, np.uint8)
 
 
 class PlacePanel:
@@ -55,6 +60,8 @@ class PlacePanel:
         self._progress = server.gui.add_html("", visible=False)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
         self._doubts = server.gui.add_html("", visible=False)
+        self._picture = server.gui.add_image(_NOTHING, label="Learned so far", jpeg_quality=85, visible=False)
+        self._pictured: np.ndarray | None = None
         known = (*robots.names(), *map(str, library.robots.files()))
         self._robots = ChoiceList(server, "robot", known, "Body and dynamics", post)
         post_on(self._quality.on_update, post, lambda: ChooseQuality(_QUALITIES[self._quality.value]))
@@ -88,7 +95,14 @@ class PlacePanel:
         self._doubts.visible = doubts != ""
         if doubts:
             self._doubts.content = note(doubts)
+        self._show_picture(picture_of_training(session))
         self._robots.show(session)
+
+    def _show_picture(self, picture: np.ndarray | None) -> None:
+        """Show a picture of the field in training, and hide the last one once there is none."""
+        if picture is not None and picture is not self._pictured:
+            self._picture.image = _enlarged(picture)
+        self._pictured, self._picture.visible = picture, picture is not None
 
     def _list(self, session: Session) -> None:
         """List the places that were opened, and the one that is being opened."""
@@ -103,6 +117,22 @@ class PlacePanel:
         if self._places.options != tuple(self._known):
             self._places.options = tuple(self._known)
         self._places.value = here
+
+
+def _enlarged(picture: np.ndarray) -> np.ndarray:
+    """Scale a picture (h, w, 3) so that its longer side has `_LONGER` pixels."""
+    height, width, _ = picture.shape
+    scale = _LONGER / max(height, width)
+    size = max(1, round(scale * width)), max(1, round(scale * height))
+    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BILINEAR))
+
+
+def picture_of_training(session: Session) -> np.ndarray | None:
+    """Find the last picture of a field that is learned, before the place opens or after; None without training."""
+    if session.place is None:
+        return None if session.job is None else session.job.picture
+    better = BetterFieldQuery.result_in(session)
+    return None if better is None else better.picture
 
 
 def describe_doubts(place: Place, left_s: float | None = None) -> str:

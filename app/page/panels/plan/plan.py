@@ -97,8 +97,8 @@ def holds_old_goal(session: Session) -> bool:
     return session.in_flight and job is not None and job.paused and flight is not None and flight.leads_to_old_goal
 
 
-def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
-    """Format the numbers of a plan as HTML."""
+def describe(plan: PlanRecord | None, stale: bool, planning: bool, in_draft: bool = False) -> str:
+    """Format the numbers of a plan, in a field that is a draft or trained, as HTML."""
     if plan is None or plan.latest is None:
         return note("Searching for a free path…" if planning else _NO_PLAN)
     cost = plan.latest.cost
@@ -115,7 +115,7 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
         outcome = "Stopped before it was finished."
     remark = warning("Ends, settings or the field have changed since this plan.") if stale else ""
     if plan.is_blind and plan.expected_sigma is not None:
-        remark = caution(f"{capital(explain_blindness(plan.expected_sigma.blind_share))}.") + remark
+        remark = caution(f"{capital(explain_blindness(plan.expected_sigma.blind_share, in_draft=in_draft))}.") + remark
     return table(rows) + (note(outcome) if outcome else "") + remark
 
 
@@ -180,6 +180,8 @@ def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
     if plan.is_risky and plan.is_good and plan.collision_probability is not None:
         risk = look_of_risk(plan.collision_probability).text
         return f"The collision risk is {risk}: move start and goal away from obstacles, or raise the risk weight."
+    if plan.is_good and plan.expected_sigma is not None:
+        return f"{capital(explain_blindness(plan.expected_sigma.blind_share, in_draft=True))}."
     if plan.outcome is PlanOutcome.OVER_LIMITS:
         seconds = MoreTimeQuery.result_for(plan, session)
         remedy = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
@@ -319,7 +321,7 @@ class PlanPanel:
         self._numbers.content = (
             describe_flown(session)
             if session.flight_is_shown
-            else describe(session.plan, session.plan_is_stale, planning)
+            else describe(session.plan, session.plan_is_stale, planning, session.in_draft)
         )
         self._comparison.show(session)
         self._charts.show(session)

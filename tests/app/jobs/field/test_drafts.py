@@ -15,6 +15,7 @@ from nerfnav_app.jobs.events import Progress, SurfaceShaped
 from nerfnav_app.jobs.field import captures, drafts, train
 from nerfnav_app.jobs.open import make_field
 from nerfnav_app.jobs.open.opening import run
+from nerfnav_app.page.panels.place.place import picture_of_training
 from nerfnav_app.places.sources import BUDGETS_S
 from nerfnav_app.places.surface_glb import read_box
 from nerfnav_app.queries.better_field import BetterFieldQuery
@@ -67,6 +68,20 @@ def test_cameras_and_points_are_shown_before_the_draft(write: Callable[[Path], P
     assert surface.rough and read_box(surface.glb) == (box.lower.tolist(), box.upper.tolist())
 
 
+def test_pictures_of_the_training_are_shown_while_a_draft_is_made(tmp_path: Path) -> None:
+    session = Session.opening(str(write_transforms(tmp_path / "room")))
+    assert picture_of_training(session) is None
+    seen = []
+    for event in run(session.what):
+        session = reports(session, event)
+        if isinstance(event, TrainStep) and event.picture is not None:
+            seen.append(picture_of_training(session))
+            assert seen[-1] is event.picture
+        if session.place is not None:
+            break
+    assert seen and picture_of_training(session) is None, "what has opened is shown itself"
+
+
 def test_what_compiles_is_not_in_the_budget_of_a_draft_and_the_time_left_is_that_of_the_budget(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -93,16 +108,18 @@ def opened(source: Path) -> Session:
 
 @pytest.mark.parametrize("write", [write_depths, write_transforms])
 def test_a_draft_is_replaced_by_a_trained_field_between_plans(
-    write: Callable[[Path], Path], tmp_path: Path
+    write: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setitem(BUDGETS_S, "good", 3.0)  # more than it takes to read the capture beside other processes
     session = opened(write(tmp_path / "room"))
-    ends, steps, left = session.ends, 0, []
+    ends, steps, left, pictures = session.ends, 0, [], []
     assert not list(BetterFieldQuery.pending(replace(session, surface_is_rough=True))), "the texture comes first"
     while pending := list(BetterFieldQuery.pending(session)):
         (query,) = pending
         assert session.place is not None
         if query.refinement is not None and query.refinement.left_s is not None:
             left.append(query.refinement.left_s)
+        pictures.append(picture_of_training(session))
         session = after(session, m.QueryAnswered(query, query.answer(Resources(session.place))))
         steps += 1
     place = session.place
@@ -110,6 +127,7 @@ def test_a_draft_is_replaced_by_a_trained_field_between_plans(
     assert place.field.info.made_by == "trained" and place.field.info.iterations > 0
     assert load_field(place.file).info.created == place.field.info.created
     assert session.ends == ends and session.surface_is_rough
+    assert pictures[-1] is not None and picture_of_training(session) is None, "shown while it is trained"
     assert left and left == sorted(left, reverse=True), "the time left runs down"
     assert "all pictures of the capture" in session.notices[-1].body
 

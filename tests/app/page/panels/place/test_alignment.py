@@ -19,6 +19,7 @@ from nerfnav_app.state import alignment as p
 from nerfnav_app.state.actions import Cancel
 from nerfnav_app.state.alignment import Correction
 from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import to_point
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 
@@ -63,6 +64,24 @@ def test_the_status_says_what_is_to_be_done_and_nothing_is_planned_meanwhile(
     assert "Click point 1 of 3" in describe(after(session, p.PickPoints(p.PickTarget.FLOOR)).alignment)
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("side", range(2))
+def test_each_face_of_the_crop_box_moves_along_its_axis_alone(
+    server: viser.ViserServer, opened: Session, side: int, axis: int
+) -> None:
+    posted = []
+    layer = AlignmentLayer(server, posted.append)
+    before = ((-1.0, -2.0, 0.0), (1.0, 2.0, 3.0))
+    layer.show(after(opened, p.Crop(before)))
+    face = layer._faces[side, axis]
+    assert face._node.active_axes == tuple(index == axis for index in range(3))
+    face._node.position = tuple(np.array(face.position) + 0.25)  # whatever the other numbers are
+    face._moved(True)
+    moved = np.array(before)
+    moved[side, axis] += 0.25
+    assert posted == [p.Crop((to_point(moved[0]), to_point(moved[1])), held=True)]
+
+
 def test_handles_are_where_the_place_is_and_gone_while_it_is_applied(
     server: viser.ViserServer, opened: Session
 ) -> None:
@@ -75,11 +94,12 @@ def test_handles_are_where_the_place_is_and_gone_while_it_is_applied(
     layer.show(session)
     np.testing.assert_allclose(layer._gizmo._node.position, (1, 2, 3), atol=1e-6)
     np.testing.assert_allclose(abs(layer._gizmo.wxyz @ np.array(pose.wxyz)), 1, atol=1e-6)
-    assert layer._corners[1]._node.visible and layer._corners[1].position == (2.0, 2.0, 2.0)
+    assert all(face._node.visible for face in layer._faces.values())
+    assert layer._faces[1, 0].position == (2.0, 1.0, 1.0) and layer._faces[0, 2].position == (1.0, 1.0, 0.0)
     assert not any(frame.visible for frame in layer._of_before)
     applied = reduce(session, p.ApplyAlignment())
     layer.show(applied)
-    assert applied.job is not None and not layer._gizmo._node.visible and not layer._corners[0]._node.visible
+    assert applied.job is not None and not layer._gizmo._node.visible and not layer._faces[0, 0]._node.visible
     layer.show(after(opened, p.DiscardAlignment()))
     assert not layer._label.visible and all(frame.visible for frame in layer._of_before)
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import viser
 
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobFinished, JobResult
 from nerfnav_app.page.kit.html import caution, fine, warning
@@ -67,6 +68,20 @@ def test_what_the_views_will_tell_is_in_the_table_and_too_little_is_in_the_statu
         way = f"oo little to see on {62 if blind > 0.5 else 1} % of the way"
         assert told.html is format and (way in told.text) is (blind > 0)
         assert (f"T{way}: add texture" in html) is (blind > 0)
+
+
+def test_a_flight_that_sees_too_little_is_asked_for_in_a_draft_and_not_in_a_trained_field(opened: Session) -> None:
+    expected = {"median_m": 0.012, "p95_m": 0.04, "max_m": 0.06, "blind_share": 0.62}
+    trained = planned_with(opened, collision_probability=0.001, expected_sigma=expected)
+    place = trained.place
+    assert place is not None and isinstance(place.field, VoxelField) and after(trained, m.StartFlight()).job is not None
+    field = replace(place.field, info=replace(place.field.info, made_by="draft"))
+    draft = replace(trained, place=replace(place, field=field))
+    asked = after(draft, m.StartFlight())
+    assert asked.job is None and needs_confirmation(asked)
+    assert "on 62 % of the way: this field is a draft, fly once it is trained. Fly anyway?" in status(asked).text
+    assert "draft" in describe(asked.plan, stale=False, planning=False, in_draft=True)
+    assert after(asked, m.StartFlight(anyway=True)).job is not None
 
 
 def test_a_plan_whose_risk_is_not_known_says_nothing_of_it(opened: Session) -> None:
