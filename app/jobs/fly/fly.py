@@ -102,12 +102,10 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
 
 
 def _calibrated(place: Place) -> Generator[JobEvent, bool | None, Place]:
-    """Calibrate a field that was baked from a mesh a moment ago: a filter cannot rely on one that was never compared
-    with pictures."""
+    """Calibrate a field by pictures of its ground truth where that was never done, as in one that was baked a moment
+    ago, and in old files: a filter cannot rely on it."""
     field, scene = place.field, place.scene
-    if not isinstance(field, VoxelField) or scene is None:
-        return place
-    if field.info.learned_from != "mesh" or field.info.noise_std is not None:
+    if not isinstance(field, VoxelField) or scene is None or not field.info.is_uncalibrated:
         return place
     from nerfnav_app.jobs.field.baked import calibrate  # slow to import, and seldom needed
 

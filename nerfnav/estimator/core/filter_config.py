@@ -127,9 +127,7 @@ class FastConfig(UpdateConfig):
         """
         ratio = info.information_ratio
         if ratio is None:
-            is_exact = info.noise_std is None and info.learned_from != "mesh"
-            trusted = is_exact or info.position_floor_m is not None
-            ratio = 1.0 if trusted else self.uncalibrated
+            ratio = self.uncalibrated if info.is_uncalibrated else 1.0
         usual, noise = FastConfig(), self.color_noise.measured(info.noise_std)
         known = replace(self, color_noise=replace(noise, per_patch=noise.per_patch / ratio))
         if info.position_floor_m is None or (self.floor, self.grain) != (usual.floor, usual.grain):

@@ -85,6 +85,12 @@ class FieldInfo:
         """Check that the field is of a capture that is still to be trained on."""
         return self.made_by in ("fused", "draft")
 
+    @property
+    def is_uncalibrated(self) -> bool:
+        """Check that the field was trained, or baked from a mesh, and never compared with pictures from known poses."""
+        learned = self.noise_std is not None or self.learned_from == "mesh"
+        return learned and self.information_ratio is None and self.position_floor_m is None
+
     @classmethod
     def of(cls, stored: dict[str, Any]) -> "FieldInfo":
         """From names and values in a file; names that this version does not know are left out.

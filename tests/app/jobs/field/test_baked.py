@@ -131,11 +131,13 @@ def test_each_stage_is_told_once(opened: Session, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_flight_in_a_field_that_was_just_baked_calibrates_it_first(opened: Session) -> None:
+def test_a_flight_calibrates_a_field_that_was_just_baked_or_comes_from_an_old_file(opened: Session) -> None:
     place, ends = opened.place, opened.ends
     assert place is not None and ends is not None and place.field.info.noise_std is None
-    measured = replace(place, field=replace(place.field, info=replace(place.field.info, noise_std=0.1)))
-    for where, calibrates in ((place, True), (measured, False)):
+    old = replace(place.field.info, noise_std=0.1)
+    calibrated = replace(old, information_ratio=1.0, position_floor_m=0.001)
+    for info, calibrates in ((place.field.info, True), (old, True), (calibrated, False)):
+        where = replace(place, field=replace(place.field, info=info))
         labels = (event.label for event in fly.run(FlyRequest(PlanRequest(ends)), where) if isinstance(event, Progress))
         before = set(takewhile(lambda label: label != "finding a way", labels))
         assert ("calibrating the field by pictures" in before) is calibrates
