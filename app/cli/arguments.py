@@ -156,8 +156,8 @@ class Route(Output):
     paper_cost: bool = False
     """Minimise the paper's Eq. 2 alone: no noise model, no room for noise, no choice of headings."""
     obstacles: Path | None = None
-    """Obstacles that stand in the place, in YAML or JSON: boxes, spheres, cylinders, prisms and meshes. Map, camera and
-    ground truth have them."""
+    """Obstacles in the place, in YAML or JSON: boxes, spheres, cylinders, prisms and meshes, which stand or move as is
+    announced. Planner, camera and ground truth have them."""
 
     def open(self) -> Place:
         """Open the place, with the robot of --robot or of the task, and with the obstacles."""

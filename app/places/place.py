@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from nerfnav.world import Task
 
 if TYPE_CHECKING:
     from nerfnav.obstacles import ObstacleSet
+    from nerfnav.planner import Movers
     from nerfnav.world import Scene
 
 
@@ -51,7 +53,7 @@ class Place:
     file: Path | None = None
     """File of the field; None where it was made in memory."""
     obstacles: "ObstacleSet | None" = None
-    """Obstacles that were placed in field and ground truth; None: none."""
+    """Obstacles of the place; field and ground truth have those that stand. None: none."""
 
     @property
     def source(self) -> str | None:
@@ -63,6 +65,15 @@ class Place:
     def tasks(self) -> tuple[Task, ...]:
         """Tasks of the place; none without a ground truth."""
         return self.truth.tasks if self.truth is not None else ()
+
+    @cached_property
+    def movers(self) -> "Movers | None":
+        """The obstacles that move, as planners take them; None where none does."""
+        if self.obstacles is None or not self.obstacles.moving:
+            return None
+        from nerfnav.planner import Movers  # slow to import, and seldom needed
+
+        return Movers(self.obstacles.moving)
 
     def with_robot(self, name: str) -> "Place":
         """The same place for another robot. See `nerfnav.robots.load` for names, files and errors."""

@@ -31,7 +31,8 @@ from scipy import special
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE, Belief
-from nerfnav.estimator.core.filter_step import Estimator, FilterOutcome, FilterResult, FilterStep, Predictor
+from nerfnav.estimator.core.filter_step import Estimator, FilterOutcome, FilterResult, FilterStep, Masked, Predictor
+from nerfnav.estimator.photometric.pixel_selection import Hidden
 
 REMEDY = "add texture, light or an inertial unit, or fly higher"
 """Remedy where there is too little to see."""
@@ -204,9 +205,18 @@ def update_consistently(
     dt: float,
     generator: torch.Generator,
     consistency: Consistency,
+    hidden: Hidden | None = None,
 ) -> Generator[FilterStep, None, FilterResult]:
-    """Update as `estimator.update` does, with the process noise that was found so far, where the estimator takes it."""
+    """Update as `estimator.update` does, with the process noise that was found so far, where the estimator takes it,
+    and without the pixels that are `hidden`, where it takes these."""
     if not isinstance(estimator, Predictor):
         return (yield from estimator.update(belief, image, action, dt, generator))
     prediction, noise = estimator.predict(belief, action, dt, consistency.noise_factor)
+    masked = None if hidden is None else _as_masked(estimator)
+    if masked is not None:
+        return (yield from masked.correct(prediction, image, generator, noise, hidden))
     return (yield from estimator.correct(prediction, image, generator, noise))
+
+
+def _as_masked(estimator: object) -> Masked | None:
+    return estimator if isinstance(estimator, Masked) else None

@@ -7,7 +7,7 @@ state feedback an estimator reads the true state, as an upper bound for all filt
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import torch
 from jaxtyping import Float
@@ -43,11 +43,14 @@ from nerfnav.navigation import (
     navigate,
     world_generator,
 )
+from nerfnav.obstacles import Overlay
 from nerfnav.planner import (
     FastPlanConfig,
+    Movers,
     OccupancyConfig,
     OccupancyMap,
     PlanProblem,
+    PlanResult,
     close_holes,
     fits,
     planners,
@@ -135,25 +138,48 @@ class FlightTrial:
     """Fly the first plan blindly."""
 
 
+@dataclass(frozen=True)
+class Traffic:
+    """Obstacles that move in a flight, and what the robot knows of them."""
+
+    movers: Movers
+    """The obstacles."""
+    announced: bool = True
+    """The planner knows their motion."""
+    masked: bool = True
+    """The filter leaves out the pixels that they cover, where they are announced."""
+
+
 def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
     """Fly a trial and return its time steps; none where it cannot begin."""
     return fly_problem(arena, make_problem(arena, find_task(arena, trial), trial), trial)
 
 
 def fly_problem(
-    arena: Arena, problem: PlanProblem, trial: FlightTrial, plan: Motion | None = None
+    arena: Arena,
+    problem: PlanProblem,
+    trial: FlightTrial,
+    plan: Motion | None = None,
+    traffic: Traffic | None = None,
 ) -> list[NavigationStep]:
     """Fly the problem of a trial and return its time steps; none where it cannot begin.
 
-    `plan` is a first plan that is already made; None: plan now.
+    `plan` is a first plan that is already made; None: plan now. `traffic` are obstacles that move.
     """
     supports = settle_ends(arena.field, problem.field, problem.robot, problem.start, problem.goal)
     if any(support.footing.is_refused for support in supports):
         return []
     try:
-        return [event for event in _flight(arena, problem, trial, plan) if isinstance(event, NavigationStep)]
+        return [event for event in _flight(arena, problem, trial, plan, traffic) if isinstance(event, NavigationStep)]
     except (OccupiedError, OutsideBoxError):
         return []
+
+
+def first_plan(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Motion | None:
+    """Plan the problem of a trial as a flight does before take-off; None where it cannot begin."""
+    known = replace(trial, known=True)
+    first = next((event for event in _flight(arena, problem, known, None, None) if isinstance(event, PlanResult)), None)
+    return None if first is None else first.motion
 
 
 def find_task(arena: Arena, trial: FlightTrial) -> Task:
@@ -187,7 +213,7 @@ def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
 
 
 def _flight(
-    arena: Arena, problem: PlanProblem, trial: FlightTrial, plan: Motion | None
+    arena: Arena, problem: PlanProblem, trial: FlightTrial, plan: Motion | None, traffic: Traffic | None
 ) -> Iterator[FlightStep]:
     world = WORLDS[trial.world]
     config = world.configure(NavigateConfig(open_loop=trial.open_loop, fly_on=trial.fly_on))
@@ -196,18 +222,27 @@ def _flight(
     entry, settings = planners.load("fast"), FastPlanConfig()
     again, occupancy = entry.in_flight(settings, trial.risk), _map(arena, problem)
     planner, safety_filter = build_safe_planner(
-        entry, problem.field, occupancy, problem.robot, settings, config.noise, again
-    )
+        entry, problem.field, occupancy, problem.robot, settings, config.noise, again,
+        movers=None if traffic is None or not traffic.announced else traffic.movers,
+    )  # fmt: skip
 
     def look(pose: Pose) -> Tensor:
         if trial.known:  # no one looks at the picture
             return torch.zeros(robot.camera.height, robot.camera.width, 3, dtype=torch.uint8)
         return make_renderer(arena).render(robot.camera, pose).image
 
+    overlay = None if traffic is None or trial.known else Overlay(traffic.movers.obstacles)
+
+    def look_at_traffic(pose: Pose, time: float) -> Tensor:
+        assert overlay is not None
+        seen = make_renderer(arena).render(robot.camera, pose)
+        return overlay.draw(seen.image, seen.fine_depth, robot.camera, pose, time)
+
     contact = contact_check(arena.scene, robot.body)
     simulator = world.simulate(Simulator(
         robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact, box=problem.field.box,
         level_contact=level_contact_check(arena.scene, robot.body, LEVEL),
+        movers=None if traffic is None else traffic.movers, camera_at=None if overlay is None else look_at_traffic,
     ))  # fmt: skip
     if trial.known:
         config = replace(config, initial=KNOWN)
@@ -219,6 +254,8 @@ def _flight(
         )
         searcher = make_searcher(arena, robot.camera, config.filter.color_noise)
         stack = NavigationStack(planner, estimator, searcher, safety_filter, arena.field, map_error)
+        if overlay is not None and traffic is not None and traffic.announced and traffic.masked:
+            stack = replace(stack, hidden=partial(overlay.covered, robot.camera))
         stack = compensate_latency(stack, simulator)
     request = FlightRequest(problem.goal, problem.steps, problem.dt, plan)
     return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))

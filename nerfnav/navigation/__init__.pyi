@@ -13,6 +13,7 @@ from .fallback import build_safe_planner as build_safe_planner
 from .first_plan import estimate_flight_time as estimate_flight_time
 from .first_plan import plan_first as plan_first
 from .flight import FlightRequest as FlightRequest
+from .flight import HiddenFunction as HiddenFunction
 from .flight import NavigateConfig as NavigateConfig
 from .flight import NavigationStack as NavigationStack
 from .flight import OperatorRequests as OperatorRequests
@@ -25,6 +26,7 @@ from .physical.config import PhysicalConfig as PhysicalConfig
 from .physical.worlds import WORLDS as WORLDS
 from .physical.worlds import WorldName as WorldName
 from .physical.worlds import compensate_latency as compensate_latency
+from .simulator import CameraAtTime as CameraAtTime
 from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator

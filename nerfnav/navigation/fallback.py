@@ -10,6 +10,7 @@ on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Sc
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -17,6 +18,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field
 from nerfnav.planner import (
     NEAR_CERTAIN,
@@ -24,6 +26,7 @@ from nerfnav.planner import (
     CostTerm,
     CostWeights,
     FieldPlanner,
+    Movers,
     OccupancyMap,
     Planner,
     PlannerConfig,
@@ -40,6 +43,8 @@ from nerfnav.planner.risk.collision_map import cached_c_space
 from nerfnav.planner.terms.risk import RISK
 from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot, StateNoise
 
+_RESTING_S = 1.0
+"""Time after a motion in which movers must not touch the robot that rests at its end [s]."""
 _UNSAFE = (
     PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.NO_PATH, PlanOutcome.DIVERGED,
 )  # fmt: skip
@@ -84,22 +89,34 @@ class SafetyFilter:
     """Noise of its motion."""
     config: FallbackConfig = dataclasses.field(default_factory=FallbackConfig)
     """Shape of fallback trajectories."""
+    movers: Movers | None = None
+    """Announced obstacles that move; None: all stands."""
 
-    def make_fallback(self, planned: PlanResult, dt: float) -> FallbackTrajectory:
-        """Make the fallback from the start of a plan: straight braking; evasion where both are unsafe."""
+    def make_fallback(self, planned: PlanResult, dt: float, time: float = 0.0) -> FallbackTrajectory:
+        """Make the fallback from the start of a plan, at a time of the flight [s]: straight braking; evasion where both
+        are unsafe."""
         start = planned.trajectory.start
-        best = self._judge(self._brake(start, torch.zeros_like(start.velocity), dt))
+        best = self._judge(self._brake(start, torch.zeros_like(start.velocity), dt), time)
         if planned.outcome in _UNSAFE and not best.safe:
             for velocity in self._evasions(start, dt):
-                found = self._judge(self._brake(start, velocity, dt))
+                found = self._judge(self._brake(start, velocity, dt), time)
                 best = max(best, found, key=lambda fallback: (fallback.safe, -fallback.bound))
                 if best.safe:
                     break
         return best
 
-    def rejects(self, planned: PlanResult, fallback: FallbackTrajectory) -> bool:
-        """Check whether the fallback is flown in place of the plan: it is safe, and the plan is not."""
-        return planned.outcome in _UNSAFE and fallback.safe and fallback.bound < self._bound(planned.motion)
+    def rejects(self, planned: PlanResult, fallback: FallbackTrajectory, time: float = 0.0) -> bool:
+        """Check whether the fallback is flown in place of a plan from a time of the flight [s] on: it is safe, and the
+        plan is not."""
+        return planned.outcome in _UNSAFE and fallback.safe and fallback.bound < self._bound(planned.motion, time)
+
+    def touches_movers(self, motion: Motion, time: float) -> bool:
+        """Check whether a motion from a time of the flight [s] on touches a mover, or is touched soon after its end."""
+        if self.movers is None or not motion.states.position.isfinite().all():
+            return False
+        waits = motion.states[-1:][torch.zeros(1 + math.ceil(_RESTING_S / motion.dt), dtype=torch.long)]
+        states = RigidState.cat([motion.states, waits])
+        return bool((self.movers.least_gaps(states, motion.dt, self.robot.body, time) <= 0).any())
 
     def collision_probability(self, motion: Motion, tolerance: float = 0.0) -> float:
         """Estimate the probability that a flight by a plan touches something before it is within `tolerance` [m] of the
@@ -125,9 +142,10 @@ class SafetyFilter:
             return 0.0
         return cached_c_space(self.field, self.robot, None).clearance(path.double().numpy(), most)
 
-    def _bound(self, motion: Motion) -> float:
-        finite = motion.states.position.isfinite().all()
-        return collision_probability_bound(self.field, motion, self.robot.body) if finite else 1.0
+    def _bound(self, motion: Motion, time: float) -> float:
+        if not motion.states.position.isfinite().all() or self.touches_movers(motion, time):
+            return 1.0
+        return collision_probability_bound(self.field, motion, self.robot.body)
 
     def _evasions(self, start: RigidState, dt: float) -> Iterator[Float[Tensor, "3"]]:
         """Velocities [m/s] of evasions, the cheapest to compute first."""
@@ -136,6 +154,9 @@ class SafetyFilter:
         slope = self._slope(start, dt)
         if slope.norm() > 0:
             yield -self.config.speed * slope / slope.norm()
+        if self.movers is not None:
+            for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+                yield self.config.speed * slope.new_tensor([x, y, 0.0])
 
     def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
         """Direction in which the chance of a collision by noise rises most."""
@@ -149,8 +170,8 @@ class SafetyFilter:
         velocities[: self.config.evading] = velocity
         return self.robot.roll_out_hold(start, velocities, dt, self.config.resting)
 
-    def _judge(self, motion: Motion) -> FallbackTrajectory:
-        bound, last = self._bound(motion), motion.states[-1]
+    def _judge(self, motion: Motion, time: float) -> FallbackTrajectory:
+        bound, last = self._bound(motion, time), motion.states[-1]
         rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
         return FallbackTrajectory(motion, bound, rests and bound < NEAR_CERTAIN)
 
@@ -164,19 +185,25 @@ def build_safe_planner(
     noise: StateNoise,
     again: PlannerConfig | None = None,
     terms: tuple[CostTerm, ...] | None = None,
+    movers: Movers | None = None,
 ) -> tuple[Planner, SafetyFilter | None]:
     """Build the planner of a registry entry for a disturbed robot, and its safety filter.
 
     `field` is that which planners see, `occupancy` its map. The first plan weighs risk as the settings `again` of
     later plans do (None: those of the entry); where they do not weigh it, there is no safety filter. `noise` disturbs
-    the robot in each step; `terms` sum to J, None: all that are registered.
+    the robot in each step; `terms` sum to J, None: all that are registered. Raises InvalidInputError for movers where
+    the planner knows none.
     """
     again = again or entry.again(settings)
     risk, pushed = again.weights.risk, NoiseModel(noise)
     planner = entry.planner(field, robot, entry.first_in_flight(settings, again), again, occupancy)
     if isinstance(planner, FieldPlanner):
-        planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms)
-    return planner, SafetyFilter(field, robot, pushed) if risk else None
+        planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms, movers=movers)
+    if movers is not None and not getattr(planner, "avoids_movers", False):
+        raise InvalidInputError(
+            f"the planner {entry.name!r} knows no obstacles that move: take --planner fast, or leave their motions out"
+        )
+    return planner, SafetyFilter(field, robot, pushed, movers=movers) if risk else None
 
 
 def come_to_rest(

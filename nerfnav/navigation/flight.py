@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from time import perf_counter
 
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 from nerfnav.estimator import ConsiderCovariance, Estimator, FilterConfig
 from nerfnav.field import Field
@@ -19,6 +21,9 @@ from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorConfig
 from nerfnav.planner import Planner
 from nerfnav.robots import Motion, RigidState, StateNoise
+
+HiddenFunction = Callable[[Pose, float], Bool[Tensor, "height width"]]
+"""Pixels that movers cover in the picture from T_world_camera at a time of the flight [s]."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +151,8 @@ class NavigationStack:
     """Field that predicts what the camera sees, for the choice of headings; None: headings are not chosen."""
     map_error: ConsiderCovariance = field(default_factory=ConsiderCovariance)
     """Error of that field, the same in picture after picture."""
+    hidden: HiddenFunction | None = None
+    """Marks the pixels that announced movers cover; None: none does. Filters that take no such pixels compare all."""
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ def take_off(
             goal = replace(goal, end=rest.states[-1], keeps_headings=True)  # the first plan has chosen them
         else:
             goal, rest = choose_headings(goal, step.truth, rest, flight)
-        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, len(rest.actions), flight)
+        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, len(rest.actions), step.time, flight)
         step = replace(step, plan=planned.motion, replan_ms=first.replan_ms + ms)
     safety_filter, most = flight.stack.safety_filter, config.most_risk
     if step.outcome is None and safety_filter is not None:
@@ -168,12 +168,21 @@ def correct(
     used = None if memory.distrusts else image  # a false belief may agree with it by chance
     dt, action = flight.request.dt, last.plan.actions[0]
     estimator, monitor = flight.stack.estimator, last.consistency or Consistency()
-    steps = update_consistently(estimator, last.filter_belief, used, action, dt, flight.generator, monitor)
+    hidden = None if used is None else _hidden_by_movers(last, now.time, flight)
+    steps = update_consistently(estimator, last.filter_belief, used, action, dt, flight.generator, monitor, hidden)
     done = yield from _run_filter(steps, replace(now, image=image), flight)
     if done.update is None or not isinstance(estimator, Predictor):
         return done
     placed = last.recovery is None or not last.recovery.turns
     return replace(done, consistency=monitor if used is None else monitor.after(done.update, placed))
+
+
+def _hidden_by_movers(last: NavigationStep, time: float, flight: FlightContext) -> Tensor | None:
+    """Mark the pixels in which announced movers stand before the field, from where the robot should be by now."""
+    if flight.stack.hidden is None:
+        return None
+    ahead = flight.simulator.robot.step(last.filter_belief.mean, last.plan.actions[0], flight.request.dt)
+    return flight.stack.hidden(ahead.pose.compose(flight.simulator.mount), time)
 
 
 def supervise(
@@ -222,7 +231,8 @@ def replan(
     here = _start_of_plan(last.plan, now.belief.mean, flight)
     if state is not None and state.holds:
         return replace(now, plan=hold(now, here, last.plan, memory, flight)), goal
-    if last.recovery is SupervisorAction.BACKUP and goal.since < last.index and not memory.is_replan_due:
+    waits = last.recovery is SupervisorAction.BACKUP and goal.since < last.index and not memory.is_replan_due
+    if waits and not _has_movers(flight):  # which may be gone in a moment, or come near
         now = replace(now, recovery=SupervisorAction.BACKUP, fallback=last.fallback)
         return replace(now, plan=hold(now, here, last.plan, memory, flight)), goal
     began, rest, steps = clock(), memory.plan.left_after(1), request.steps
@@ -232,7 +242,7 @@ def replan(
     if goal.end is None or memory.held or (now.image is not None and sees_little(now.filter_outcome)):
         goal, rest = choose_headings(goal, here, rest, flight, leads, (*memory.views, now.filter_belief))
     headings_ms = 1e3 * (clock() - began)
-    planned, ms, goal = yield from _replan(rest, here, goal, steps, flight)
+    planned, ms, goal = yield from _replan(rest, here, goal, steps, now.time, flight)
     now = replace(now, plan=planned.motion, restart=planned.restart, replan_ms=headings_ms + ms)
     return _filter_plan(planned, now, flight), goal
 
@@ -254,7 +264,10 @@ def judge(
     landed = step.touched and _is_given_up(step) and has_landed(flown[-1].truth, step.truth, flight)
     step = replace(step, touched=step.touched and not landed)
     held = sum(before.holds for before in (*flown[1:], step))
-    outcome = EpisodeOutcome.LOST if landed else _judge_arrival(step, held, goal, flight)
+    planned = flight.request.steps
+    if _has_movers(flight):  # the first plan may wait for them
+        planned = max(planned, len(flown[0].plan.actions))
+    outcome = EpisodeOutcome.LOST if landed else _judge_arrival(step, held, planned, goal, flight)
     if flight.simulator.is_outside(step.truth):
         outcome = EpisodeOutcome.OUTSIDE
     ends = outcome is not None or (step.touched and not flight.config.fly_on)
@@ -267,9 +280,10 @@ def _is_given_up(step: NavigationStep) -> bool:
 
 
 def _judge_arrival(
-    step: NavigationStep, held: int, goal: ActiveGoal, flight: FlightContext
+    step: NavigationStep, held: int, planned: int, goal: ActiveGoal, flight: FlightContext
 ) -> EpisodeOutcome | None:
-    """Judge collisions aside; a robot that holds has not arrived, and the time that it held counts in part."""
+    """Judge collisions aside; a robot that holds has not arrived, and the time that it held counts in part, beside that
+    of the `planned` steps."""
     config = flight.config
     if step.state is SupervisorState.LOST and is_at_rest(step.truth):
         return EpisodeOutcome.LOST
@@ -279,7 +293,7 @@ def _judge_arrival(
         return None
     if not step.holds and _is_there(step.belief, goal.goal, config):
         return EpisodeOutcome.REACHED
-    most = config.timeout_factor * flight.request.steps
+    most = config.timeout_factor * planned
     late = step.index - goal.since - min(held, most) >= most
     return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
 
@@ -325,12 +339,17 @@ def _run_planner(
 
 
 def _replan(
-    rest: Motion, here: RigidState, goal: ActiveGoal, steps: int, flight: FlightContext
+    rest: Motion, here: RigidState, goal: ActiveGoal, steps: int, time: float, flight: FlightContext
 ) -> Generator[PlanStep, None, tuple[PlanResult, float, ActiveGoal]]:
-    """Run the planner with the rest of a plan as warm start; return its result, its time [ms], and the goal."""
-    route = Route(here, goal.plan_end, steps, rest.dt, goal.keeps_headings)
+    """Run the planner with the rest of a plan, from a time of the flight on, as warm start; return its result, its
+    time [ms], and the goal."""
+    route = Route(here, goal.plan_end, steps, rest.dt, goal.keeps_headings, time)
     planned, ms = yield from _run_planner(flight.stack.planner.replan(rest, route, executed=0), flight)
     return planned, ms, replace(goal, keeps_headings=goal.keeps_headings and planned.restart is None)
+
+
+def _has_movers(flight: FlightContext) -> bool:
+    return flight.stack.safety_filter is not None and flight.stack.safety_filter.movers is not None
 
 
 def _filter_plan(planned: PlanResult, now: NavigationStep, flight: FlightContext) -> NavigationStep:
@@ -339,8 +358,8 @@ def _filter_plan(planned: PlanResult, now: NavigationStep, flight: FlightContext
     if safety_filter is None:
         return now
     began = clock()
-    fallback = safety_filter.make_fallback(planned, flight.request.dt)
-    rejected = safety_filter.rejects(planned, fallback)
+    fallback = safety_filter.make_fallback(planned, flight.request.dt, now.time)
+    rejected = safety_filter.rejects(planned, fallback, now.time)
     now = replace(now, fallback=fallback, replan_ms=now.replan_ms + 1e3 * (clock() - began))
     return replace(now, plan=fallback.motion, recovery=SupervisorAction.BACKUP) if rejected else now
 

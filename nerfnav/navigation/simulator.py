@@ -15,10 +15,13 @@ from torch import Tensor
 from nerfnav.core.errors import require_seed
 from nerfnav.geometry import FORWARD_MOUNT, Box, Pose, so3
 from nerfnav.navigation.gust import GustStrength
+from nerfnav.planner import Movers
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
 """Picture from T_world_camera."""
+CameraAtTime = Callable[[Pose, float], UInt8[Tensor, "height width 3"]]
+"""Picture from T_world_camera at a time of the flight [s]."""
 ContactFunction = Callable[[RigidState, RigidState], bool]
 """Contact check: whether the body touches anything between two states."""
 _WORLD = 2**32
@@ -57,6 +60,12 @@ class Simulator:
     level_contact: ContactFunction | None = None
     """Check whether the first contact of the body's path is with level surfaces alone, as in a landing; None: none
     is."""
+    movers: Movers | None = None
+    """Obstacles that move; None: all stands."""
+    camera_at: CameraAtTime | None = None
+    """Camera of a world with movers; None: `camera` shows all."""
+    time: float = 0.0
+    """Time of the flight [s]."""
 
     def is_outside(self, state: RigidState) -> bool:
         """Check whether the body has left the box: its centre is beyond it by more than the body's radius.
@@ -77,7 +86,18 @@ class Simulator:
             if disturbance is not None:
                 self.state = self.state.retract(disturbance.sample(self.generator))
         self.state = self.robot.settled(self.state, before)
-        return self.contact is not None and self.contact(before, self.state)
+        return self.touches(before, self.state, dt)
+
+    def touches(self, before: RigidState, after: RigidState, seconds: float) -> bool:
+        """Let time pass while the robot moves between two states; return whether its body touches anything on the way,
+        movers too."""
+        began, self.time = self.time, self.time + seconds
+        if self.contact is not None and self.contact(before, after):
+            return True
+        if self.movers is None:
+            return False
+        states = RigidState.stack([before, after])
+        return bool(self.movers.least_gaps(states, seconds, self.robot.body, began).min() <= 0)
 
     def follow(
         self, plan: Motion, gust: GustStrength | StateNoise | None = None, believed: RigidState | None = None
@@ -92,7 +112,12 @@ class Simulator:
 
     def look(self) -> UInt8[Tensor, "height width 3"] | None:
         """Take the picture of the robot's camera; None where none arrives."""
-        return self.camera(self.state.pose.compose(self.mount))
+        return self.picture(self.state, self.time)
+
+    def picture(self, state: RigidState, time: float) -> UInt8[Tensor, "height width 3"]:
+        """Take the picture from a state at a time of the flight [s]."""
+        pose = state.pose.compose(self.mount)
+        return self.camera(pose) if self.camera_at is None else self.camera_at(pose, time)
 
 
 @dataclass(frozen=True)

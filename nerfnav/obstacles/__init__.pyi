@@ -8,6 +8,8 @@ from .obstacle import Boxes as Boxes
 from .obstacle import Obstacle as Obstacle
 from .obstacle import ObstacleSet as ObstacleSet
 from .obstacle_file import read_obstacles as read_obstacles
+from .obstacle_file import write_obstacles as write_obstacles
+from .overlay import Overlay as Overlay
 from .placement import place_in_field as place_in_field
 from .placement import place_in_scene as place_in_scene
 from .shapes import BoxShape as BoxShape

@@ -13,9 +13,10 @@
     motion: {trefoil: {scale: [3, 3, 3], phase: 0, slower: 5}}
 
 `rotation` is roll, pitch and yaw. All of a motion is relative to `position`. With `max_speed` the motion is refused
-where it may be faster.
+where it may be faster. `write_obstacles` writes files that are JSON and YAML at once, meshes beside them.
 """
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,12 +25,14 @@ import msgspec
 from msgspec import Meta
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.files import replace_file
 from nerfnav.formats import convert_record, read_entries
 from nerfnav.obstacles.motions import (
     STILL,
     ConstantVelocity,
     Motion,
     RandomWalk,
+    Still,
     Trefoil,
     WayPoints,
     require_speed,
@@ -51,21 +54,21 @@ _SHAPES = ("box", "sphere", "cylinder", "prism", "mesh")
 _MOTIONS = ("way_points", "velocity", "walk", "trefoil")
 
 
-class CylinderEntry(msgspec.Struct, forbid_unknown_fields=True):
+class CylinderEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry `cylinder`: upright, around its origin."""
 
     radius: Length
     height: Length
 
 
-class PrismEntry(msgspec.Struct, forbid_unknown_fields=True):
+class PrismEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry `prism`: corners in order, lower and upper height."""
 
     polygon: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=1000)]
     heights: tuple[Coordinate, Coordinate]
 
 
-class WayPointsEntry(msgspec.Struct, forbid_unknown_fields=True):
+class WayPointsEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry `way_points` of a motion."""
 
     points: Annotated[list[Point], Meta(min_length=2, max_length=10000)]
@@ -73,7 +76,7 @@ class WayPointsEntry(msgspec.Struct, forbid_unknown_fields=True):
     closed: bool = False
 
 
-class WalkEntry(msgspec.Struct, forbid_unknown_fields=True):
+class WalkEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry `walk` of a motion."""
 
     lower: Point
@@ -82,7 +85,7 @@ class WalkEntry(msgspec.Struct, forbid_unknown_fields=True):
     seed: Annotated[int, Meta(ge=0, le=2**53)] = 0
 
 
-class TrefoilEntry(msgspec.Struct, forbid_unknown_fields=True):
+class TrefoilEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry `trefoil` of a motion."""
 
     scale: Lengths
@@ -90,7 +93,7 @@ class TrefoilEntry(msgspec.Struct, forbid_unknown_fields=True):
     phase: Coordinate = 0.0
 
 
-class MotionEntry(msgspec.Struct, forbid_unknown_fields=True):
+class MotionEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry `motion` of an obstacle."""
 
     way_points: WayPointsEntry | None = None
@@ -100,7 +103,7 @@ class MotionEntry(msgspec.Struct, forbid_unknown_fields=True):
     max_speed: Rate | None = None
 
 
-class ObstacleEntry(msgspec.Struct, forbid_unknown_fields=True):
+class ObstacleEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Entry of `obstacles`: one shape, its pose, colour and motion."""
 
     name: Annotated[str, Meta(max_length=100)] = ""
@@ -131,6 +134,63 @@ def read_obstacles(path: Path) -> ObstacleSet:
         raise InvalidInputError(f"{path}: obstacles has {len(entries)} entries, 1 to {MOST} are needed")
     found = tuple(_obstacle_of(entry, index, path) for index, entry in enumerate(entries))
     return _checked(f"{path}: obstacles", lambda: ObstacleSet(found))
+
+
+def write_obstacles(obstacles: ObstacleSet, path: Path) -> tuple[Path, ...]:
+    """Write obstacles to a file that `read_obstacles` reads, and the meshes of some beside it; return the files.
+
+    Raises InvalidInputError for a shape or a motion that files do not have.
+    """
+    lines, meshes = [], dict[str, MeshShape]()
+    for index, obstacle in enumerate(obstacles.obstacles):
+        entry = _entry_of(obstacle, f"{path.stem}-{index + 1}.ply")
+        if isinstance(obstacle.shape, MeshShape):
+            meshes[str(entry.mesh)] = obstacle.shape
+        lines.append(json.dumps(msgspec.to_builtins(entry)))
+    with replace_file(path) as stream:
+        stream.write(("{\"obstacles\": [\n" + ",\n".join(lines) + "\n]}\n").encode())
+    for name, shape in meshes.items():
+        with replace_file(path.parent / name) as stream:
+            shape.surface.export(stream, file_type="ply")
+    return (path, *(path.parent / name for name in meshes))
+
+
+def _entry_of(obstacle: Obstacle, mesh: str) -> ObstacleEntry:
+    """Describe an obstacle as files do; `mesh` is the name of the file of its mesh, if it is one."""
+    entry = ObstacleEntry(
+        obstacle.name, position=obstacle.position, rotation=obstacle.rotation, color=obstacle.color,
+        motion=_motion_entry_of(obstacle.motion),
+    )  # fmt: skip
+    match obstacle.shape:
+        case BoxShape(extents):
+            entry.box = extents
+        case Sphere(radius):
+            entry.sphere = radius
+        case Cylinder(radius, height):
+            entry.cylinder = CylinderEntry(radius, height)
+        case Prism(polygon, heights):
+            entry.prism = PrismEntry(list(polygon), heights)
+        case MeshShape():
+            entry.mesh = mesh
+        case shape:
+            raise InvalidInputError(f"a {type(shape).__name__} cannot be written: files have {', '.join(_SHAPES)}")
+    return entry
+
+
+def _motion_entry_of(motion: Motion) -> MotionEntry | None:
+    match motion:
+        case Still():
+            return None
+        case WayPoints(points, speed, closed):
+            return MotionEntry(way_points=WayPointsEntry(list(points), speed, closed))
+        case ConstantVelocity(velocity):
+            return MotionEntry(velocity=velocity)
+        case RandomWalk(lower, upper, speed, seed):
+            return MotionEntry(walk=WalkEntry(lower, upper, speed, seed))
+        case Trefoil(scale, phase, slower):
+            return MotionEntry(trefoil=TrefoilEntry(scale, slower, phase))
+        case _:
+            raise InvalidInputError(f"a {type(motion).__name__} cannot be written: files have {', '.join(_MOTIONS)}")
 
 
 def _obstacle_of(entry: ObstacleEntry, index: int, path: Path) -> Obstacle:

@@ -1,5 +1,6 @@
 from . import planners as planners
 from .baselines.rrt import RRTConfig as RRTConfig
+from .moving.movers import Movers as Movers
 from .objective.clearance import SafetyConfig as SafetyConfig
 from .objective.clearance import measure_clearance as measure_clearance
 from .objective.objective import Objective as Objective

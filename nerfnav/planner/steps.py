@@ -36,6 +36,7 @@ class Restart(Enum):
     GOAL_MOVED = "the goal is not where the last plan ends"
     COST_ROSE = "what is left of the last plan has become much more costly"
     IN_COLLISION = "what is left of the last plan leads through something dense"
+    SOONER = "the movers are gone, and another plan arrives clearly sooner"
     UNUSABLE = "what is left of the last plan cannot be flown"
 
 

@@ -23,6 +23,8 @@ class Route(TensorStruct):
     """Length of a step [s]; 0.1 in the paper."""
     keeps_headings: bool = False
     """True if a plan that is continued keeps the headings that it has (see active_yaw.py)."""
+    time: float = 0.0
+    """Time of the flight at the start [s], at which movers are where their motions say."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from nerfnav.navigation.fallback import FallbackTrajectory, SafetyFilter
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.supervisor import SupervisorAction, SupervisorMemory
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner.moving.movers import Movers
 from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
@@ -60,6 +62,21 @@ def filtered(field: Colorless, plan: PlanResult) -> tuple[FallbackTrajectory, bo
     safety_filter = SafetyFilter(field, ROBOT)
     fallback = safety_filter.make_fallback(plan, 0.1)
     return fallback, safety_filter.rejects(plan, fallback)
+
+
+def test_a_fallback_that_a_mover_runs_over_is_not_safe_and_one_that_gives_way_is():
+    motion = ConstantVelocity((0.0, 0.5, 0.0))
+    crossing = Obstacle("box", BoxShape((0.2, 0.2, 0.2)), (0.0, -0.3, 0.6), motion=motion)
+    start, movers = moving(-0.05, 0.6, 0.3), Movers((crossing,))
+    plan = planned(start, PlanOutcome.IN_COLLISION)
+    unaware, aware = (SafetyFilter(Wall(door=1.9), ROBOT, movers=known) for known in (None, movers))
+    stays = unaware.make_fallback(plan, 0.1, 0.2)
+    assert stays.safe and aware.touches_movers(stays.motion, 0.2) and not aware.touches_movers(stays.motion, 9.0)
+    gives_way = aware.make_fallback(plan, 0.1, 0.2)
+    assert gives_way.safe and not aware.touches_movers(gives_way.motion, 0.2)
+    assert gives_way.motion.states.position[-1, 1] != stays.motion.states.position[-1, 1] or (
+        gives_way.motion.states.position[-1, 2] > stays.motion.states.position[-1, 2] + 0.05
+    )
 
 
 def test_beside_a_good_plan_there_is_a_fallback_that_brakes_and_the_plan_is_flown():

@@ -10,6 +10,8 @@ from nerfnav.core.errors import InvalidNumberError
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import R_BODY_CAMERA, Pose
 from nerfnav.navigation.simulator import world_generator
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner import Movers
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import ROBOT, START, draws, grey, simulator
@@ -31,6 +33,23 @@ def test_the_noise_disturbs_the_truth_as_much_as_it_says():
         world.act(HOVER, 0.1)
         errors.append(ROBOT.step(START, HOVER, 0.1).local(world.state))
     torch.testing.assert_close(torch.stack(errors).std(0), noise.std(), rtol=0.15, atol=0)
+
+
+def test_movers_touch_the_robot_at_the_time_of_the_flight_and_the_camera_shows_that_time():
+    motion = ConstantVelocity((0.0, 1.0, 0.0))
+    movers = Movers((Obstacle("box", BoxShape((0.1, 0.1, 0.1)), (-0.4, -0.35, 0.3), motion=motion),))
+    times = list[float]()
+
+    def look(pose: Pose, time: float) -> torch.Tensor:
+        times.append(time)
+        return grey(pose)
+
+    world = simulator(noise=None, movers=movers, camera_at=look)
+    touched = [world.act(HOVER, 0.1) for _ in range(8)]
+    world.look()
+    assert touched == [False, False, True, True, True, False, False, False]
+    assert times == [pytest.approx(0.8)] and world.time == pytest.approx(0.8)
+    assert not any(simulator(noise=None).act(HOVER, 0.1) for _ in range(3))
 
 
 def test_the_same_seed_gives_the_same_world():

@@ -8,7 +8,17 @@ import pytest
 import trimesh
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.obstacles import Cylinder, MeshShape, Prism, Trefoil, read_obstacles
+from nerfnav.obstacles import (
+    BoxShape,
+    Cylinder,
+    MeshShape,
+    Obstacle,
+    ObstacleSet,
+    Prism,
+    Trefoil,
+    read_obstacles,
+    write_obstacles,
+)
 
 YAML = """
 obstacles:
@@ -36,6 +46,51 @@ def test_yaml_and_json_are_read_alike(tmp_path: Path) -> None:
     assert ball.name == "obstacle 2" and ball.motion.speed_bound == pytest.approx(0.2)
     assert isinstance(post.shape, Cylinder) and isinstance(wall.shape, Prism) and isinstance(chair.shape, MeshShape)
     assert isinstance(chair.motion, Trefoil) and chair.shape.surface.extents.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("name", ["kept.json", "kept.yaml"])
+def test_what_is_written_is_read_again(name: str, tmp_path: Path) -> None:
+    trimesh.creation.icosphere(subdivisions=1, radius=0.7).export(tmp_path / "chair.stl")
+    (tmp_path / "a.yaml").write_text(YAML)
+    given, kept = read_obstacles(tmp_path / "a.yaml"), tmp_path / "kept"
+    kept.mkdir()
+    assert [path.name for path in write_obstacles(given, kept / name)] == [name, "kept-5.ply"]
+    again, points = read_obstacles(kept / name), np.random.default_rng(0).uniform(-3, 3, (50, 3))
+    for first, second in zip(given.obstacles, again.obstacles, strict=True):
+        assert (first.name, first.position, first.rotation, first.color, first.motion) == (
+            second.name, second.position, second.rotation, second.color, second.motion,
+        )  # fmt: skip
+        for time in (0.0, 7.5):
+            far = 1e-6 if isinstance(first.shape, MeshShape) else 0.0  # corners are stored in single precision
+            np.testing.assert_allclose(
+                first.signed_distance(points, time), second.signed_distance(points, time), atol=far, rtol=0
+            )
+
+
+class Unknown:
+    """A shape and a motion that files do not have."""
+
+    speed_bound = 0.0
+
+    def offset(self, times: np.ndarray) -> np.ndarray:
+        return np.zeros((len(times), 3))
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        return np.zeros(len(points))
+
+    def support(self, directions: np.ndarray) -> np.ndarray:
+        return np.zeros(len(directions))
+
+    def mesh(self) -> trimesh.Trimesh:
+        return trimesh.creation.box()
+
+
+def test_shapes_and_motions_that_files_do_not_have_are_refused(tmp_path: Path) -> None:
+    cube = BoxShape((1, 1, 1))
+    for unknown in (Obstacle("a", Unknown(), (0, 0, 0)), Obstacle("a", cube, (0, 0, 0), motion=Unknown())):
+        with pytest.raises(InvalidInputError, match="a Unknown cannot be written: files have"):
+            write_obstacles(ObstacleSet((unknown,)), tmp_path / "b.json")
+    assert not (tmp_path / "b.json").exists()
 
 
 WRONG = {

@@ -39,6 +39,8 @@ class Arguments:
     """Port to listen at."""
     token: Annotated[str | None, arg(metavar="SECRET")] = None
     """Secret of the vehicle, as in ws://HOST:PORT/?token=SECRET (default: a new one, which is printed)."""
+    obstacles: Path | None = None
+    """Obstacles that stand in the place, in YAML or JSON, as with `nerfnav fly`."""
     fit_camera: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """File for the calibration that fits the field best, for --camera: from the first pictures that are followed."""
     json: bool = False
@@ -54,6 +56,10 @@ def run(arguments: Arguments) -> None:
     if calibration is not None:
         calibration.prepare()
     place = open_place(arguments.field, arguments.robot)
+    if arguments.obstacles is not None:
+        from nerfnav_app.places.obstacles import open_with_obstacles, require_still  # slow to import, seldom needed
+
+        place = require_still(open_with_obstacles(place, arguments.obstacles), arguments.obstacles)
     camera = place.robot.camera if arguments.camera is None else read_camera(arguments.camera)
     navigator = Navigator(place.field, place.robot, camera, log=note)
     (x, y, z), (to_x, to_y, to_z) = place.field.box.lower.tolist(), place.field.box.upper.tolist()

@@ -12,6 +12,7 @@ from nerfnav_app.jobs.events import FileMade, JobEvents, JobResult, Progress, Tr
 from nerfnav_app.jobs.export.recording import field_of, holds_flight, read_run
 from nerfnav_app.jobs.export.surface import build_surface
 from nerfnav_app.places.place import open_place
+from nerfnav_app.storage.kept_obstacles import open_as_kept
 from nerfnav_app.storage.output_files import prepare_file, write_bytes
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.run_store import RunStore
@@ -91,8 +92,9 @@ def _folder(run: Path) -> Path:
 
 
 def _surface(folder: Path) -> bytes | None:
-    """Surface of the place of a flight; None where the place is gone, which the numbers of the export say."""
+    """Surface of the place of a flight, with its obstacles; None where the place is gone, as the export then says."""
     try:
-        return build_surface(open_place(RunMetadata.load(folder).source)) or None
+        place = open_as_kept(open_place(RunMetadata.load(folder).source), folder)
+        return build_surface(place) or None
     except NerfnavError:
         return None

@@ -10,6 +10,7 @@ from nerfnav.field import StoredField, UnknownSpace
 from nerfnav.planner import PlanOutcome
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.place import open_place
+from nerfnav_app.storage.kept_obstacles import open_as_kept
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.step_codec import FILE
 from nerfnav_app.storage.step_log import read_steps
@@ -55,7 +56,7 @@ def read_run(folder: Path, subject: Subject = Subject.EXECUTED) -> Recording:
 
 
 def field_of(folder: Path) -> StoredField | None:
-    """The field that the run in a folder was planned in, as its planner saw it.
+    """The field that the run in a folder was planned in, as its planner saw it, with the obstacles of the run.
 
     None where its place is gone or is no field any more, or was never noted, as by earlier versions.
     """
@@ -68,7 +69,7 @@ def field_of(folder: Path) -> StoredField | None:
     if not source or unknown not in (known.value for known in UnknownSpace):
         return None
     with suppress(NerfnavError):
-        return prepare_place(open_place(source), UnknownSpace(unknown)).field
+        return prepare_place(open_as_kept(open_place(source), folder), UnknownSpace(unknown)).field
     return None
 
 

@@ -130,8 +130,9 @@ def _box(place: Place) -> tuple[list[float], list[float]]:
 
 
 def _file(place: Place) -> Path | None:
-    """The file that the surface is kept for; None for other fields than grids, whose surface is shaped each time."""
-    return place.file if isinstance(place.field, GridField) else None
+    """The file that the surface is kept for; None for other fields than grids, and for one with obstacles in it, whose
+    surface is shaped each time."""
+    return place.file if isinstance(place.field, GridField) and place.obstacles is None else None
 
 
 def _voxel(place: Place) -> float:

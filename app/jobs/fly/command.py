@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place
+from nerfnav_app.storage.kept_obstacles import KEPT
 
 _ROBOT = "quadrotor"
 """Robot of a place that is opened without a task and without `--robot`."""
@@ -45,13 +47,20 @@ def command_of(request: FlyRequest, place: Place, steps: int | None, dt: float) 
     words += _option("--estimator", request.estimator, default.estimator)
     if request.camera is not None:
         words += ["--camera", str(request.camera)]
-    if request.obstacles is not None:
-        words += ["--obstacles", str(request.obstacles)]
+    if (obstacles := _obstacles_of(request, place)) is not None:
+        words += ["--obstacles", str(obstacles)]
     words += ["--open-loop"] if request.open_loop or route.flight.open_loop else []
     words += _option("--world", route.world, PlanRequest.world)
     words += ["--realtime"] if request.realtime else []
     words += _option("--seed", request.seed, default.seed)
     return shlex.join([*words, *_words_of_settings(route)])
+
+
+def _obstacles_of(request: FlyRequest, place: Place) -> Path | None:
+    """The file of obstacles that was given, else the one that the flight keeps."""
+    if request.obstacles is None and request.out is not None and place.obstacles is not None:
+        return request.out / KEPT
+    return request.obstacles
 
 
 def _number_of_task(request: FlyRequest, place: Place) -> int | None:

@@ -19,6 +19,7 @@ from nerfnav_app.jobs.fly.setup import begin
 from nerfnav_app.jobs.plan.plan import plan_steps
 from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.place import Place
+from nerfnav_app.storage.kept_obstacles import keep_obstacles
 from nerfnav_app.storage.output_files import prepare_folder, write_text
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.step_log import open_step_log
@@ -26,7 +27,8 @@ from nerfnav_app.storage.step_log import open_step_log
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
     """Summarize a flight as `fly --json` prints it."""
-    return episode.metrics() | ({} if place.truth else {"mesh_collision_steps": None})
+    placed = {} if place.obstacles is None else {"obstacles": len(place.obstacles.obstacles)}
+    return episode.metrics() | ({} if place.truth else {"mesh_collision_steps": None}) | placed
 
 
 def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
@@ -36,6 +38,7 @@ def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
         *episode.save(folder),
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / TRAJECTORY, json_text(table)),
+        *keep_obstacles(folder, place),
     )
 
 
@@ -83,6 +86,8 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     request, flown = replace(request, operator=operator), list[NavigationStep]()
     steps = request.route.steps if plan is None else len(plan.actions)
     about = metadata_of(request, place, plan)
+    if out is not None:
+        keep_obstacles(out, place)  # at take-off, as the log: a flight may be interrupted
     with open_step_log(out, about, lambda episode: summary_of(episode, place)) as log:
         for event in begin(request, plan, place):
             if log is not None and isinstance(event, NavigationStep):

@@ -21,7 +21,9 @@ from nerfnav.robots import Motion
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.fly.simulated_world import (
     camera_function,
+    camera_of_movers,
     contact_function,
+    hidden_by_movers,
     level_contact_function,
     warm_up_filter,
 )
@@ -47,11 +49,12 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
         safety_filter,
         place.field,
         map_error_of(place),
+        hidden_by_movers(place),
     )
     simulator = world.simulate(Simulator(
         robot, route.ends.start.state(), camera_function(place), world_generator(request.seed), robot.mount,
         noise=config.noise, contact=contact_function(place), box=place.field.box,
-        level_contact=level_contact_function(place),
+        level_contact=level_contact_function(place), movers=place.movers, camera_at=camera_of_movers(place),
     ))  # fmt: skip
     stack = compensate_latency(stack, simulator)
     if request.realtime:  # the first update of a process takes seconds, for which no robot waits on the ground

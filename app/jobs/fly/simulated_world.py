@@ -5,6 +5,7 @@ picture, updates a first belief by it, and plans a first path to rest.
 """
 
 from collections.abc import Iterator
+from functools import partial
 
 import cv2
 import numpy as np
@@ -12,8 +13,8 @@ import torch
 
 from nerfnav.estimator import Belief, FastFilter, FilterStep
 from nerfnav.field import render_image
-from nerfnav.geometry import FORWARD_MOUNT, Camera
-from nerfnav.navigation import LEVEL, CameraFunction, ContactFunction, NavigateConfig
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
+from nerfnav.navigation import LEVEL, CameraAtTime, CameraFunction, ContactFunction, HiddenFunction, NavigateConfig
 from nerfnav.robots import RigidState
 from nerfnav_app.places.place import Place
 
@@ -45,6 +46,36 @@ def camera_function(place: Place) -> CameraFunction:
 
     renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
     return lambda pose: renderer.render(seen_with, pose).image
+
+
+def camera_of_movers(place: Place) -> CameraAtTime | None:
+    """Make the camera that shows obstacles where they move, too; None where none does."""
+    if place.obstacles is None or not place.obstacles.moving:
+        return None
+    from nerfnav.obstacles import Overlay  # slow to import, as above
+    from nerfnav.world import MeshRenderer
+
+    seen_with, overlay = place.robot.camera, Overlay(place.obstacles.moving)
+    renderer = None if place.scene is None else MeshRenderer(place.scene, supersample=2)
+
+    def look(pose: Pose, time: float) -> torch.Tensor:
+        if renderer is None:
+            rendered = render_image(place.field, seen_with, pose)
+            depth = torch.where(rendered.opacity > 0.5, rendered.depth, torch.inf)
+            return overlay.draw(rendered.image, depth, seen_with, pose, time)
+        picture = renderer.render(seen_with, pose)
+        return overlay.draw(picture.image, picture.fine_depth, seen_with, pose, time)
+
+    return look
+
+
+def hidden_by_movers(place: Place) -> HiddenFunction | None:
+    """Make the mask of the pixels in which obstacles that move stand before the field; None where none does."""
+    if place.obstacles is None or not place.obstacles.moving:
+        return None
+    from nerfnav.obstacles import Overlay  # slow to import, as above
+
+    return partial(Overlay(place.obstacles.moving).covered, place.robot.camera)
 
 
 def warm_up_renderer() -> None:

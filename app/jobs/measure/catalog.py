@@ -23,6 +23,7 @@ from nerfnav.experiments import (
     replanning,
     tangent,
 )
+from nerfnav.experiments.moving import crossing
 from nerfnav.experiments.moving import experiment as moving
 from nerfnav.experiments.rivals import experiment as rivals
 from nerfnav.world import Task
@@ -174,6 +175,12 @@ EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
         "corridors full of moving boxes (SANDO's worlds): announced motion against planners that see only the present",
         quick=1, cost=60, alone=True, own_worlds=True,
         headline=tuple(f"methods.announced.{level}.successes" for level in ("easy", "medium", "hard")),
+    ),
+    Experiment(
+        "crossing", crossing.run,
+        "a box crosses the planned way of flights by camera, announced to the planner or not: hits, arrivals, errors",
+        beside=("apartment",), quick=1, cost=60,
+        headline=tuple(f"together.announced.pace_{pace:g}.clean" for pace in crossing.PACES),
     ),
 ))  # fmt: skip
 """Name to experiment."""

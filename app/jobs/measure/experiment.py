@@ -178,6 +178,10 @@ def _with(request: ExperimentRequest, known: Mapping[str, Any], experiment: Expe
     """The request with the settings of a combination. Raises InvalidInputError for options that it does not take."""
     if experiment.own_worlds and (request.place or known.get("place")) is not None:
         raise InvalidInputError(f"the experiment {request.name} flies in worlds of its own: leave out --place")
+    if experiment.alone and (request.ray is not None or request.jobs not in (None, 1)):
+        raise InvalidInputError(
+            f"the experiment {request.name} measures times, so nothing runs beside it: leave out --jobs and --ray"
+        )
     options = {option.name for option in fields(FlightOptions)}
     of_flights = {name: value for name, value in known.items() if name in options}
     if (of_flights or request.flights is not None) and experiment.flights is None:

@@ -218,6 +218,7 @@ def make_planner(
     return build_safe_planner(
         planners.load(request.planner), planning.field, occupancy or _map_for(request, place),
         planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.replan_settings,
+        movers=place.movers,
     )  # fmt: skip
 
 
@@ -236,8 +237,9 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
         place.field, planning.field, robot, place.robot.mount, request.navigate_config.in_sight
     )
     problem = PlanProblem(
-        planning.field, robot, route.start, route.goal, route.steps, route.dt, noise=NoiseModel(request.flight.noise)
-    )
+        planning.field, robot, route.start, route.goal, route.steps, route.dt,
+        noise=NoiseModel(request.flight.noise), movers=place.movers,
+    )  # fmt: skip
     settings = request.flight_settings
     longest_dt = request.dt if request.keep_dt else None
     timing = estimate_flight_time(problem, occupancy, settings, longest_dt) if request.shortest else None

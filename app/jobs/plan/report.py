@@ -11,6 +11,7 @@ from nerfnav.planner import PlanCost, PlanOutcome, PlanResult, Safety, assess_sa
 from nerfnav.planner.risk.probability import RESOLUTION
 from nerfnav.robots import Motion, limit_uses
 from nerfnav_app.places.place import Place
+from nerfnav_app.storage.kept_obstacles import keep_obstacles
 from nerfnav_app.storage.output_files import json_line, write_text
 
 
@@ -36,8 +37,9 @@ def summary_of(
 ) -> dict[str, Any]:
     """Numbers of `plan --json`."""
     motion = planned.motion
-    safety = assess_safety(place.field, motion, place.robot.body)
-    return {
+    safety = assess_safety(place.field, motion, place.robot.body, movers=place.movers)
+    placed = {} if place.obstacles is None else {"obstacles": len(place.obstacles.obstacles)}
+    return placed | {
         "outcome": planned.outcome.name.lower(),
         "iterations": planned.iteration + 1,
         "wall_s": wall_s,
@@ -103,7 +105,10 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
 def save(
     folder: Path, motion: Motion, place: Place, summary: dict[str, Any], unknown: UnknownSpace
 ) -> tuple[Path, ...]:
-    """Write a plan's three files into `folder`; `unknown` is what its planner took unproven space for."""
+    """Write a plan's files into `folder`, and the obstacles of its place.
+
+    `unknown` is what its planner took unproven space for.
+    """
     table = motion_table(motion, place.robot.action_names, place.robot.name)
     info = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
     robot = {} if place.robot.file is None else {"robot_file": str(place.robot.file)}
@@ -112,6 +117,7 @@ def save(
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / "trajectory.json", json_text(table)),
         write_text(folder / "plan.json", json_line(summary) + "\n"),
+        *keep_obstacles(folder, place),
     )
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief, Curvature
-from nerfnav.estimator.photometric.pixel_selection import PixelSource
+from nerfnav.estimator.photometric.pixel_selection import Hidden, PixelSource
 from nerfnav.robots import ProcessNoise, RigidState
 
 
@@ -128,6 +128,27 @@ class Predictor(Corrector, Protocol):
         self, belief: Belief, action: Float[Tensor, " a"], dt: float, noise_factor: float = 1.0
     ) -> tuple[Belief, ProcessNoise]:
         """Predict over an action of `dt` [s] with a factor on Q's standard deviations; returns also this noise."""
+        ...
+
+
+@runtime_checkable
+class Masked(Protocol):
+    """Estimator that may leave pixels of a picture out."""
+
+    @property
+    def takes_hidden(self) -> bool:
+        """Return True: `correct` takes pixels that are not compared."""
+        ...
+
+    def correct(
+        self,
+        prediction: Belief,
+        image: UInt8[Tensor, "height width 3"] | None,
+        generator: torch.Generator,
+        noise: ProcessNoise | None = None,
+        hidden: Hidden | None = None,
+    ) -> FilterUpdate:
+        """Correct as Corrector does, without pixels that are `hidden`."""
         ...
 
 

@@ -175,13 +175,14 @@ def _select(
     image, view, generator = problem.image, problem.view.at(halvings), problem.generator
     chosen = None if before is None else before.chosen
     if halvings:
-        seen = observe_reduced(image, view, count, generator)
+        seen = observe_reduced(image, view, count, generator, problem.hidden)
         return Selection(seen, ((seen.pixels + 0.5) * 2**halvings).long(), None, chosen)
     if chosen is None:
         pyramid = problem.config.pyramid
         wanted = replace(problem.config.pixels, count=pyramid.pixels, draw=pyramid.draw)
         with threads(THREADS):
-            chosen = choose_pixels(image, wanted, generator, partial(Observation.slopes, pose, view))
+            slopes = partial(Observation.slopes, pose, view)
+            chosen = choose_pixels(image, wanted, generator, slopes, problem.hidden)
     pixels = chosen.pixels
     if count < len(pixels):
         pixels = pixels[torch.randperm(len(pixels), generator=generator)[:count]]

@@ -16,6 +16,7 @@ marginalised.
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -28,10 +29,14 @@ from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.alignment import align, choose_start, image_deviation, search
 from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, compute_posterior, correct, is_doubtful
 from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
+from nerfnav.estimator.photometric.pixel_selection import Hidden
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field, build_levels
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import ProcessNoise, Robot
+
+MOST_HIDDEN = 0.9
+"""Share of a picture beyond which the rest is too little to compare."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,8 @@ class FastFilter:
     """Options."""
     trust_dynamics: bool = True
     """Count the prediction in the cost; False: start from it only, as in dynamically-informed iNeRF."""
+    takes_hidden: ClassVar[bool] = True
+    """`correct` takes pixels that are not compared."""
 
     @cached_property
     def view(self) -> View:
@@ -75,17 +82,25 @@ class FastFilter:
         return predict(belief, action, self.robot, dt, noise), noise
 
     def correct(
-        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
+        self,
+        prediction: Belief,
+        image: Tensor | None,
+        generator: torch.Generator,
+        noise: ProcessNoise | None = None,
+        hidden: Hidden | None = None,
     ) -> FilterUpdate:
         """Correct a prediction by a picture, and adapt the size of the process noise that it holds, if given.
 
-        Yields, returns and raises as `update` does.
+        Pixels that are `hidden` show something else than the field: they are not compared, and a picture that hides
+        more than MOST_HIDDEN is not used. Yields, returns and raises as `update` does.
         """
         if image is not None:
             check_image(image, self.camera)
-        if not is_usable(image, self.config.least_contrast):
+        covered = hidden is not None and hidden.float().mean().item() > MOST_HIDDEN
+        if covered or not is_usable(image, self.config.least_contrast):
             return keep_prediction(prediction)
-        return _correct(UpdateProblem(self.view, self.config, prediction, image, generator, noise, self.trust_dynamics))
+        trusted = self.trust_dynamics
+        return _correct(UpdateProblem(self.view, self.config, prediction, image, generator, noise, trusted, hidden))
 
 
 def _correct(problem: UpdateProblem) -> FilterUpdate:

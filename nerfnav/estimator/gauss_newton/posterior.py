@@ -24,7 +24,7 @@ from nerfnav.estimator.core.prediction import count_determined, estimate_noise_s
 from nerfnav.estimator.paper.cost import PoseCost, precision
 from nerfnav.estimator.photometric.levenberg_marquardt import POSE as _POSE
 from nerfnav.estimator.photometric.levenberg_marquardt import Iterate, Prior, join_information, picture_information
-from nerfnav.estimator.photometric.pixel_selection import PixelChoice, PixelSource
+from nerfnav.estimator.photometric.pixel_selection import Hidden, PixelChoice, PixelSource
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import Observation, count_patches
 from nerfnav.geometry import Pose, so3
@@ -62,6 +62,8 @@ class UpdateProblem:
     """Process noise in the prediction, whose size is adapted; None: it is unknown."""
     trusted: bool = True
     """Count the prediction in the cost; False: start from it only."""
+    hidden: Hidden | None = None
+    """Pixels that are not compared; None: all may be."""
 
     def prior(self, pixels: int, halvings: int = 0) -> Prior:
         """Return the prior of a descent that compares so many pixels of a picture reduced by 2^halvings."""

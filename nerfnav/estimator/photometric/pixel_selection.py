@@ -27,6 +27,8 @@ from torch import Tensor
 
 Slopes = Callable[[Int[Tensor, "m 2"]], Float[Tensor, "m 3 6"]]
 """Derivative of pixels' colours by the pose, at where the camera is thought to be."""
+Hidden = Bool[Tensor, "height width"]
+"""Pixels that show something else than the field."""
 _LEAST_TOLD = 1e-6
 """Added to A, as a share of its mean diagonal, for directions of which no pixel tells anything."""
 
@@ -99,20 +101,26 @@ def feature_mask(image: UInt8[Tensor, "height width 3"], config: PixelConfig) ->
 
 
 def choose_pixels(
-    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator, slopes: Slopes
+    image: UInt8[Tensor, "height width 3"],
+    config: PixelConfig,
+    generator: torch.Generator,
+    slopes: Slopes,
+    hidden: Hidden | None = None,
 ) -> PixelChoice:
-    """Draw `config.count` different pixels of a picture as `config.draw` says, or all of a smaller one.
+    """Draw `config.count` different pixels of a picture as `config.draw` says, or all of a smaller one; none that is
+    `hidden`.
 
     Where features offer too few, the rest is drawn from the remaining pixels, which `source` tells. `slopes` is asked
     only where information counts.
     """
-    every = torch.arange(image.shape[0] * image.shape[1])
+    left = torch.ones(image.shape[:2], dtype=torch.bool) if hidden is None else ~hidden
+    left = left.reshape(-1)
+    every = left.nonzero().squeeze(-1)
     if config.count >= len(every):
         return PixelChoice(_places(every, image), PixelSource.ALL)
-    near = _around_features(image, config, generator)
+    near = _around_features(image, config, generator, left)
     if len(near) == config.count:
         return PixelChoice(_places(near, image), PixelSource.FEATURES)
-    left = torch.ones(len(every), dtype=torch.bool)
     left[near] = False
     others, wanted = left.nonzero().squeeze(-1), config.count - len(near)
     if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
@@ -124,13 +132,16 @@ def choose_pixels(
 
 
 def _around_features(
-    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator
+    image: UInt8[Tensor, "height width 3"],
+    config: PixelConfig,
+    generator: torch.Generator,
+    left: Bool[Tensor, " pixels"],
 ) -> Int[Tensor, " n"]:
-    """As many as `config.draw` wants of those, or as there are."""
+    """As many as `config.draw` wants of those that are left, or as there are."""
     wanted = {PixelDraw.FEATURES: config.count, PixelDraw.BOTH: config.count // 2}.get(config.draw, 0)
     if wanted == 0:
         return torch.arange(0)
-    return _draw(feature_mask(image, config).reshape(-1).nonzero().squeeze(-1), wanted, generator)
+    return _draw((feature_mask(image, config).reshape(-1) & left).nonzero().squeeze(-1), wanted, generator)
 
 
 def _source(config: PixelConfig, near: int) -> PixelSource:

@@ -11,7 +11,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidNumberError, require_not_negative, require_positive
-from nerfnav.estimator.photometric.pixel_selection import PixelDraw
+from nerfnav.estimator.photometric.pixel_selection import Hidden, PixelDraw
 from nerfnav.estimator.photometric.residuals import FieldCamera, Observation
 from nerfnav.field import Field, GridField
 from nerfnav.geometry import Camera, Pose, downsample_image
@@ -189,14 +189,24 @@ class View:
 
 
 def observe_reduced(
-    image: UInt8[Tensor, "height width 3"], view: FieldCamera, count: int | None, seed: torch.Generator
+    image: UInt8[Tensor, "height width 3"],
+    view: FieldCamera,
+    count: int | None,
+    seed: torch.Generator,
+    hidden: Hidden | None = None,
 ) -> Observation:
-    """Reduce a picture to the view's camera, at `count` pixels drawn evenly, or at all of them (None)."""
+    """Reduce a picture to the view's camera, at `count` pixels drawn evenly, or at all of them (None); at none that is
+    `hidden` in part."""
     camera = view.camera
     colors, every = downsample_image(image, camera), camera.width * camera.height
-    if count is None or count >= every:
+    if hidden is not None:
+        left = torch.nn.functional.adaptive_max_pool2d(hidden[None].float(), (camera.height, camera.width))[0] == 0
+        shown = left.reshape(-1).nonzero().squeeze(-1)
+        drawn = shown[torch.randperm(len(shown), generator=seed)[:count]]
+    elif count is None or count >= every:
         return Observation(view.field, camera, view.mount, camera.pixels(), colors)
-    drawn = torch.randperm(every, generator=seed)[:count]
+    else:
+        drawn = torch.randperm(every, generator=seed)[:count]
     pixels = torch.stack([drawn % camera.width, drawn // camera.width], -1)
     return Observation(view.field, camera, view.mount, pixels, colors[drawn])
 

@@ -63,15 +63,15 @@ class PhysicalSimulator(Simulator):
         tick, gravity = plan.dt / count, self._frame.gravity
         references, self._flown = self._flown.track(plan, count, gravity)
         began = self._estimate = exact(plan.states[0] if believed is None else believed)
-        pictured, checked, touched = began, self.state, False
+        pictured, checked, unchecked, touched = began, self.state, count, False
         for left, reference in zip(range(count - 1, -1, -1), references, strict=True):
             self._tick(reference, tick)
             if left == late:
                 pictured = self._estimate
             if left % max(1, round(_LOOK_APART / tick)) == 0:
                 self.state = _rounded(self._body)
-                touched |= self.contact is not None and self.contact(checked, self.state)
-                checked = self.state
+                touched |= self.touches(checked, self.state, (unchecked - left) * tick)
+                checked, unchecked = self.state, left
         if gust is not None:
             self._push(gust.sample(self.generator))
         pictured = pictured if late else self._estimate
@@ -90,7 +90,7 @@ class PhysicalSimulator(Simulator):
         """Return the picture that arrives now, which is late; None where it was dropped."""
         if float(torch.rand(1, generator=self.generator)) < self.world.dropped_share:
             return None
-        return self.camera(_rounded(self._seen[0]).pose.compose(self.mount))
+        return self.picture(_rounded(self._seen[0]), self.time - self.world.delay_s)
 
     @property
     def unit(self) -> ImuConfig:

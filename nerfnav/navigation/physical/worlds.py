@@ -33,6 +33,7 @@ def make_physical_simulator(simulator: Simulator, world: PhysicalConfig | None =
     return PhysicalSimulator(
         simulator.robot, simulator.state, simulator.camera, simulator.generator, simulator.mount,
         noise=None, contact=simulator.contact, box=simulator.box, level_contact=simulator.level_contact,
+        movers=simulator.movers, camera_at=simulator.camera_at,
         world=world or PhysicalConfig(),
     )  # fmt: skip
 

@@ -5,6 +5,7 @@
 Three ways lead to the same result; tests hold them equal to the terms' torch values, which are the reference:
 
 - `FusedObjective`: one compiled call (kernels/quadrotor.py), where robot, field and terms are all known to kernels;
+  terms beside these are added to it;
 - `Objective`: term by term, each by its own kernel, for another robot, a composite field or a term of one's own;
 - `AutogradKernel`: a term that brings no kernel, by autograd; slower by a part of a millisecond or more.
 
@@ -14,7 +15,7 @@ that looks at these is differentiated through the robot's own `motion` for them.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Protocol, final, runtime_checkable
 
@@ -172,9 +173,14 @@ class Objective:
         """Sum up `terms` for motions along `route`; `flat` saves making the robot's flatness map again."""
         terms = tuple(terms)
         self._map = flat or context.robot.flat_map(route.start, route.goal, route.steps, route.dt)
-        self.fused = FusedObjective.of(context, terms, self._map)
-        if self.fused is not None:
-            return
+        known = [term for term in terms if term in _KNOWN]
+        beside = [term for term in terms if term not in _KNOWN]
+        self._base = None
+        if not any(term.preconditions for term in beside):
+            self._base = FusedObjective.of(context, known, self._map)
+        self.fused = None if beside else self._base
+        if self._base is not None:
+            terms = tuple(beside)
         self._own: list[tuple[int, Kernel]] = []
         self._added: list[_Timed] = []
         self._cheap: list[Kernel] = []
@@ -191,16 +197,19 @@ class Objective:
         """Evaluate J with all its terms."""
         if self.fused is not None:
             return self.fused(free)
+        base = None if self._base is None else self._base(free)
         flat, by, own = self._map, self._forward(free), [0.0] * 4
         for place, kernel in self._own:
             own[place] += kernel(flat, by)
         added = tuple([timed(flat, by) for timed in self._added])
+        if base is not None:
+            return Evaluation(free, replace(base.cost, added=added), base.gradient + self._backward(by))
         return Evaluation(free, PlanCost(*own, added=added), self._backward(by))
 
     def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Compute differences (k, k) of `effort_gradient` over a step of each free number, each divided by its step."""
-        if self.fused is not None:
-            return self.fused.effort_curvature(free, steps)
+        if self._base is not None:
+            return self._base.effort_curvature(free, steps)
         here = self.effort_gradient(free)
         ahead = np.stack([self.effort_gradient(free + step) for step in np.diag(steps)])
         return (ahead - here) / steps[:, None]

@@ -1,5 +1,6 @@
 """Planning problem: robot, field and ends to plan between, checked, with a first path as initial guess."""
 
+import math
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from enum import Enum
@@ -10,6 +11,8 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.planner import terms
+from nerfnav.planner.moving.movers import Movers
+from nerfnav.planner.moving.timing import PathTiming, time_along
 from nerfnav.planner.risk.collision_map import CollisionMap, relative_cost
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import RiskContext
@@ -18,9 +21,17 @@ from nerfnav.planner.space.ends import check_ends, check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.scales import Scales
 from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.terms.movers import movers_term
 from nerfnav.planner.terms.term import CostTerm, Evaluated, TermContext, evaluate
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot
+
+_SHARE = 0.7
+"""Share of a robot's speed and acceleration that first guesses take when they let movers pass."""
+_HURRY, _LEAST_SPEED = 4.0, 0.1
+"""Speed of a robot without a limit, as a multiple of the mean; at least so much [m/s]."""
+_ROOM = 0.06
+"""Distance from movers of the first guesses that wait for them [m]."""
 
 
 class InitialGuess(Enum):
@@ -56,11 +67,27 @@ class PlanProblem:
     """True if the search leaves the headings of a trajectory as they are, see Route."""
     risk_dt: float | None = None
     """Length of the steps [s] in whose noise risk counts; None: dt. Each takes a collision map of its own."""
+    movers: Movers | None = None
+    """Announced obstacles that move; None: all stands."""
+    time: float = 0.0
+    """Time of the flight at the start [s], of which the places of movers are functions."""
 
     @property
     def route(self) -> Route:
         """Return the ends and the time steps."""
-        return Route(self.start, self.goal, self.steps, self.dt, self.keeps_headings)
+        return Route(self.start, self.goal, self.steps, self.dt, self.keeps_headings, self.time)
+
+    @property
+    def counted(self) -> tuple[CostTerm, ...]:
+        """Return the terms of J, with that of movers where there are some."""
+        return self.terms if self.movers is None else (*self.terms, movers_term(self.movers, self.time))
+
+    def touches_movers(self, motion: Motion) -> bool:
+        """Check whether the body of a motion from the start on touches a mover on its way."""
+        if self.movers is None:
+            return False
+        gaps = self.movers.least_gaps(motion.states, motion.dt, self.robot.body, self.time)
+        return bool((gaps <= 0).any())
 
     def context(self, weights: CostWeights) -> TermContext:
         """Return the context of the terms."""
@@ -80,7 +107,7 @@ class PlanProblem:
 
     def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
         """Evaluate the terms of J for a motion."""
-        return evaluate(self.terms, self.context(weights), motion)
+        return evaluate(self.counted, self.context(weights), motion)
 
     @torch.no_grad()
     def evaluate(self, trajectory: Trajectory, weights: CostWeights) -> PlanStep:
@@ -97,6 +124,9 @@ class FirstGuesses:
     """Trajectories along the paths that were found, at least one; along the straight line where there is none."""
     leads: bool
     """True if there is a path from start to goal at all."""
+    timed: tuple[Trajectory, ...] = ()
+    """Along the same paths, but timed so that movers are let pass; none without movers, and where that does not help.
+    """
 
 
 def first_guess(
@@ -146,7 +176,9 @@ def paths_between(
     paths = [_smooth(path, first, scales) for path in found]
     paths[1:1] = [_smooth(found[0], rounding, scales) for rounding in others]
     paths += [straight] if search.straight else []
-    return FirstGuesses(tuple(_along(problem, path, scales.turn) for path in paths), True)
+    timed = [time_guess(problem, _smooth(path, first, scales), scales.turn) for path in found]
+    guesses = tuple(_along(problem, path, scales.turn) for path in paths)
+    return FirstGuesses(guesses, True, tuple(guess for guess in timed if guess is not None))
 
 
 def path_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
@@ -179,6 +211,22 @@ def _smooth(path: Float[Tensor, "n c"], rounding: float, scales: Scales) -> Floa
     return smooth_path(path, rounding, scales.turn, scales.path_step)
 
 
-def _along(problem: PlanProblem, path: Float[Tensor, "n c"], turn: float = TURN) -> Trajectory:
-    waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps, turn)
+def _along(
+    problem: PlanProblem, path: Float[Tensor, "n c"], turn: float = TURN, share: Float[Tensor, " times"] | None = None
+) -> Trajectory:
+    waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps, turn, share)
     return problem.trajectory_through(waypoints)
+
+
+def time_guess(problem: PlanProblem, path: Float[Tensor, "n c"], turn: float = TURN) -> Trajectory | None:
+    """Follow a path so that movers are let pass; None without movers, and where waiting on the path does not help."""
+    if problem.movers is None:
+        return None
+    robot, mean = problem.robot, lengths(path[:, :3]).sum().item() / (problem.steps * problem.dt)
+    timing = PathTiming(
+        problem.time, problem.steps, problem.dt, problem.start.velocity.norm().item(),
+        _SHARE * (robot.most("speed") or max(_HURRY * mean, _LEAST_SPEED)),
+        _SHARE * (robot.acceleration or math.inf), _ROOM,
+    )  # fmt: skip
+    share = time_along(path[:, :3].double().numpy(), problem.movers, problem.robot.body, timing)
+    return None if share is None else _along(problem, path, turn, torch.from_numpy(share).to(path))

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import Field
+from nerfnav.planner.moving.movers import Movers
 from nerfnav.planner.objective.clearance import SafetyConfig, measure_clearance
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import PathDensity
@@ -46,11 +47,20 @@ class Safety:
 
 
 @torch.no_grad()
-def assess_safety(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
-    """Assess one motion in the field."""
+def assess_safety(
+    field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None, movers: Movers | None = None
+) -> Safety:
+    """Assess one motion in the field, and among movers from time 0 on: a step in which one is touched is a collision
+    for certain, and the distance from them counts as clearance."""
     config = SafetyConfig() if config is None else config
     steps = PathDensity.of(field, motion, body).bound_per_step
     clearance = measure_clearance(field, motion, body, config)
+    if movers is not None:
+        gaps = torch.from_numpy(movers.least_gaps(motion.states, motion.dt, body, 0.0))
+        steps = torch.where(gaps <= 0, steps.clamp_min(1.0), steps)
+        nearest = max(0.0, gaps.min().item())
+        if nearest < (config.lengths(field, body)[1] if clearance is None else clearance):
+            clearance = nearest
     return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
 
 
@@ -76,6 +86,8 @@ def downgrade_outcome(
     """
     if outcome not in FLYABLE:
         return outcome
+    if problem.touches_movers(motion):
+        return PlanOutcome.IN_COLLISION
     along = along or PathDensity.of(problem.field, motion, problem.robot.body)
     # the bound is a sum over body points: where it is small, none of them is hit for certain
     if along.bound_per_step.sum() < NEAR_CERTAIN:

@@ -20,6 +20,7 @@ class FastPlanner(FieldPlanner):
     """Settings of the first plan."""
     again: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
     """Settings with which the plan is redone at each time step."""
+    avoids_movers: ClassVar[bool] = True
     keeps_headings: ClassVar[bool] = True
 
     def plan(self, route: Route) -> PlanSteps:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from nerfnav.field import Field
 from nerfnav.planner import terms
+from nerfnav.planner.moving.movers import Movers
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
@@ -91,6 +92,10 @@ class FieldPlanner:
     """Saves making the map of the field again where the caller has it."""
     risk_dt: float | None = dataclasses.field(default=None, kw_only=True)
     """See PlanProblem; for plans whose steps change with each move of a hand."""
+    movers: Movers | None = dataclasses.field(default=None, kw_only=True)
+    """Announced obstacles that move; None: all stands."""
+    avoids_movers: ClassVar[bool] = False
+    """True if its plans let movers pass, or go around them."""
     keeps_headings: ClassVar[bool] = False
     """True if it follows `Route.keeps_headings`: a first plan may then choose headings for what the camera sees."""
 
@@ -98,7 +103,7 @@ class FieldPlanner:
         """Return the problem of planning from scratch."""
         return PlanProblem(
             self.field, self.robot, route.start, route.goal, route.steps, route.dt, self.terms, self.noise,
-            keeps_headings=route.keeps_headings, risk_dt=self.risk_dt,
+            keeps_headings=route.keeps_headings, risk_dt=self.risk_dt, movers=self.movers, time=route.time,
         )  # fmt: skip
 
     def rest(self, last: Motion, route: Route) -> PlanProblem:

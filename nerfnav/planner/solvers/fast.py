@@ -9,25 +9,29 @@ line) are first improved with a coarse body and little weight on collision, whic
 graze; the best few then compete with the full J, and the winner goes on alone.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from typing import TypeVar
 
 import numpy as np
 import torch
 
+from nerfnav.core.steps import map_steps
 from nerfnav.planner.objective.objective import Evaluation, Objective
-from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
+from nerfnav.planner.objective.problem import FirstGuesses, InitialGuess, PlanProblem, checked_map, paths_between
 from nerfnav.planner.objective.safety import judge_search, meets_density
 from nerfnav.planner.risk.costs import CostWeights, PathDensity
 from nerfnav.planner.solvers.bfgs import Iterate, NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
 from nerfnav.planner.space.ends import check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import PlanOutcome, PlanStep, PlanSteps
+from nerfnav.planner.steps import PlanOutcome, PlanStep, PlanSteps, Restart
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import limit_uses
 
+Step = TypeVar("Step", bound=PlanStep)
 _FIRMER = (10.0, 100.0, 1000.0)
 """Factors on the weight of limits, in turn, for a plan that ends beyond them."""
 _LIMITS_FIRST = 0.01
@@ -36,6 +40,10 @@ _LIMITS_FIRST = 0.01
 _FINER = 4
 """Factor on the number of densities for the choice between finalists, and for a plan that meets something dense
 between two way points: a body must not slip through a wall."""
+
+_WAITS_S, _TRIES = (0.3, 0.6, 1.0, 1.5, 2.2, 3.2, 4.5, 6.4, 9.0), 3
+"""Times by which plans that touch movers are made longer, in turn [s], and how many plans are made of those with which
+waiting helps."""
 
 _KEPT = 1e-6
 """Share of its scale by which a kept heading may change: too little to matter, and enough to divide by."""
@@ -103,10 +111,16 @@ def plan_fast(
     OccupiedError for ends that cannot be planned between, at the first step.
     """
     config = FastPlanConfig() if config is None else config
-    guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.ways)
+    known = checked_map(problem, occupancy or config.occupancy)
+    known = known if problem.movers is None else known.remembering()
+    guesses = paths_between(problem, config.initial, known, config.ways)
     if not guesses.leads:
         return _Desk(problem, guesses.trajectories[0], config).here().end(PlanOutcome.NO_PATH)
-    return (yield from improve(problem, guesses.trajectories, config))
+
+    def guess(longer: PlanProblem) -> FirstGuesses:
+        return paths_between(longer, config.initial, known, config.ways)
+
+    return (yield from improve_or_wait(problem, guesses, config, guess))
 
 
 def replan_fast(problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None) -> PlanSteps:
@@ -145,6 +159,34 @@ def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: 
     return last.end(judge_search(problem, last.motion, last.cost, outcome, along if best is winning else None))
 
 
+def improve_or_wait(
+    problem: PlanProblem, guesses: FirstGuesses, config: FastPlanConfig, guess: Callable[[PlanProblem], FirstGuesses]
+) -> PlanSteps:
+    """Improve first guesses; where movers are touched, try again with more time for waiting, as far as that helps.
+
+    `guess` makes the guesses of the same problem with more steps. Yields as `improve` does.
+    """
+    found = first = yield from improve(problem, (*guesses.trajectories, *guesses.timed), config)
+    tries = _TRIES if problem.movers is not None else 0
+    for seconds in _WAITS_S:
+        if found.outcome is not PlanOutcome.IN_COLLISION or tries == 0:
+            break
+        longer = replace(problem, steps=problem.steps + math.ceil(seconds / problem.dt))
+        if waiting := guess(longer).timed:
+            found = yield from count_on(improve(longer, waiting, config), found.iteration + 1)
+            tries -= 1
+    return first if found.outcome is PlanOutcome.IN_COLLISION else found
+
+
+def count_on(steps: PlanSteps, first: int, restart: Restart | None = None) -> PlanSteps:
+    """Count the iterations of a planner from `first` on, and note the reason of a restart."""
+
+    def counted(step: Step) -> Step:
+        return replace(step, iteration=first + step.iteration, restart=restart)
+
+    return counted((yield from map_steps(steps, counted)))
+
+
 class _Desk:
     """Workspace of the searches between one start and one goal."""
 
@@ -166,7 +208,7 @@ class _Desk:
     def _weighing(self, weights: CostWeights, points: int | None = None) -> Objective:
         """Make J with other weights, and with a coarser body."""
         context = replace(self._problem.context(weights), points=points)
-        return Objective(context, self._trajectory.route, self._problem.terms, self._flat)
+        return Objective(context, self._trajectory.route, self._problem.counted, self._flat)
 
     def scout(self, starts: list[np.ndarray], inverse: np.ndarray) -> dict[int, Evaluation]:
         """Search with the coarse body; return the ends of the most promising guesses, with the full J there."""
@@ -188,7 +230,8 @@ class _Desk:
         return _last(minimise(self.fine, self.fine(reached.point.free), self.scales, self._config.newton))
 
     def within_limits(self, reached: Iterate) -> Iterate:
-        """Search on with heavier weights on the robot's limits where a plan exceeds them, if that keeps them.
+        """Search on with heavier weights on the robot's limits where a plan exceeds them, if that keeps them and
+        touches no mover.
 
         Penalties end a little beyond what they bound.
         """
@@ -201,8 +244,11 @@ class _Desk:
                 inverse = preconditioner(firm.effort_curvature, free, self.scales, self._config.newton.prior)
                 tried = _last(minimise(firm, firm(free), self.scales, self._config.newton, inverse))
             self._flat.forward(tried.point.free)
-            if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
-                return Iterate(self.objective(tried.point.free), tried.settled) if firmer > 1 else reached
+            motion = self._flat.motion()
+            if not any(use.violated for use in limit_uses(self._problem.robot, motion)):
+                if firmer == 1 or self._problem.touches_movers(motion):
+                    return reached
+                return Iterate(self.objective(tried.point.free), tried.settled)
         return reached
 
     def record(self, index: int, reached: Evaluation) -> PlanStep:

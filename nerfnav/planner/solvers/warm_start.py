@@ -10,27 +10,43 @@ and after its search that the plan still ends at the goal, stays clear and costs
 it. Otherwise it searches paths anew from the robot's state, and the better plan is flown.
 """
 
+import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.steps import map_steps
 from nerfnav.geometry import so3
 from nerfnav.planner.objective.objective import FusedObjective
-from nerfnav.planner.objective.problem import FirstGuesses, PlanProblem, map_for, path_length, paths_between
+from nerfnav.planner.objective.problem import (
+    FirstGuesses,
+    PlanProblem,
+    map_for,
+    path_length,
+    paths_between,
+    time_guess,
+)
 from nerfnav.planner.solvers.duration import estimate_timing
-from nerfnav.planner.solvers.fast import FastPlanConfig, improve, plan_fast, replan_fast
+from nerfnav.planner.solvers.fast import (
+    FastPlanConfig,
+    count_on,
+    improve,
+    improve_or_wait,
+    plan_fast,
+    replan_fast,
+)
 from nerfnav.planner.space.ends import check_ends, check_finite
 from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.space.scales import scales_of
-from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep, PlanSteps, Restart
+from nerfnav.planner.steps import FLYABLE, PlanOutcome, PlanResult, PlanSteps, Restart
 from nerfnav.planner.terms.delay import DELAY
+from nerfnav.planner.terms.movers import movers_term
+from nerfnav.planner.terms.term import evaluate
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap_angles
 
-Step = TypeVar("Step", bound=PlanStep)
+_SLOWER = 1.15
+"""Factor between the durations in which a path may be followed sooner."""
 _RECOVERY_S = 1.2
 """Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""
 
@@ -72,6 +88,11 @@ class WarmStartConfig:
     """Largest difference between its last heading and the goal's [rad]."""
     rise: float = 2.0
     """Largest cost of the new plan, as a multiple of that of the rest of the last one."""
+    sooner: float = 1.4
+    """Ratio of the steps of a plan that waits for movers to those in which its path can be followed by now, from which
+    on it is tried in these."""
+    better_by: float = 0.05
+    """Share by which that must cost less, too."""
     slack: float = 0.5
     """Increase of the cost that is accepted in any case [J]: noise pushes a robot further off than a cheap plan is
     worth."""
@@ -96,6 +117,12 @@ def replan_from(
     if len(last.actions) - executed < problem.steps:
         problem = replace(problem, overdue=True, terms=(*problem.terms, DELAY))
     moved, turned = _goal_left(problem, last, warm)
+    if not moved and (sooner := _sooner_guess(problem, last, executed, warm)) is not None:
+        quicker = replace(problem, steps=sooner.steps)
+        found = yield from count_on(replan_fast(quicker, sooner, config), 0, Restart.SOONER)
+        better = found.cost.total < (1 - warm.better_by) * _cost_left(problem, last, executed, config)
+        if better and found.outcome in FLYABLE:
+            return found
     reason, kept = Restart.GOAL_MOVED if moved or turned else None, None
     trajectory = None if moved else _rest(problem, last, executed)
     if trajectory is None:
@@ -110,6 +137,21 @@ def replan_from(
     return (yield from _plan_anew(replace(problem, keeps_headings=False), kept, reason, config, occupancy))
 
 
+def _sooner_guess(problem: PlanProblem, last: Motion, executed: int, warm: WarmStartConfig) -> Trajectory | None:
+    """Follow the rest of a plan that waits for movers in less time; None where that would not be much sooner."""
+    if problem.movers is None:
+        return None
+    path = torch.cat([problem.start.position[None], last.states.position[executed + 1 :]])
+    length = path.diff(dim=0).norm(dim=-1).sum().item()
+    steps = estimate_timing(problem.robot, length, problem.dt, problem.dt).steps
+    while steps * warm.sooner < problem.steps:
+        guess = time_guess(replace(problem, steps=steps), path)
+        if guess is not None:
+            return guess
+        steps = math.ceil(_SLOWER * steps)
+    return None
+
+
 def _plan_anew(
     problem: PlanProblem,
     kept: PlanResult | None,
@@ -118,30 +160,25 @@ def _plan_anew(
     occupancy: OccupancyMap | None,
 ) -> PlanSteps:
     """Plan along new paths from the robot's state, as long as they take; return the better of that and `kept`."""
-    problem, guesses = _new_guesses(problem, config, map_for(problem, occupancy or config.occupancy))
+    known = map_for(problem, occupancy or config.occupancy).remembering()
+    problem, guesses = _new_guesses(problem, config, known)
     count = 0 if kept is None else kept.iteration + 1
     if kept is not None and not guesses.leads:
         return replace(kept, iteration=count, restart=reason)
-    found = yield from _continue_count(improve(problem, guesses.trajectories, config), count, reason)
+
+    def guess(longer: PlanProblem) -> FirstGuesses:
+        return paths_between(longer, config.initial, known, config.ways)
+
+    found = yield from count_on(improve_or_wait(problem, guesses, config, guess), count, reason)
     if kept is None or not found.cost.total >= kept.cost.total:
         return found if guesses.leads else replace(found, outcome=PlanOutcome.NO_PATH)
     return replace(kept, iteration=found.iteration, restart=reason)
-
-
-def _continue_count(steps: PlanSteps, first: int, reason: Restart | None = None) -> PlanSteps:
-    """Count the iterations from `first` on, and note the reason of a restart."""
-
-    def counted(step: Step) -> Step:
-        return replace(step, iteration=first + step.iteration, restart=reason)
-
-    return counted((yield from map_steps(steps, counted)))
 
 
 def _new_guesses(
     problem: PlanProblem, config: FastPlanConfig, occupancy: OccupancyMap
 ) -> tuple[PlanProblem, FirstGuesses]:
     """Search paths from the robot's state; the problem gets the time that the best one takes where that is more."""
-    occupancy = occupancy.remembering()
     length = path_length(problem, occupancy, config.ways)
     steps = estimate_timing(problem.robot, length, problem.dt, problem.dt).steps
     problem = replace(problem, steps=max(problem.steps, steps))
@@ -175,8 +212,11 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
     if left == 0:
         return 0.0
     flat = problem.robot.flat_map(rest.states[0], rest.states[-1], left, rest.dt)
-    fused = FusedObjective.of(problem.context(config.weights), problem.terms, flat)
-    total = problem.cost(rest, config.weights).total.item() if fused is None else fused.of_motion(rest).total
+    context = problem.context(config.weights)
+    fused = FusedObjective.of(context, problem.terms, flat)
+    total = evaluate(problem.terms, context, rest).total.item() if fused is None else fused.of_motion(rest).total
+    if problem.movers is not None:
+        total += movers_term(problem.movers, problem.time).cost(context, rest).item()
     return total * max(1.0, problem.steps / left)
 
 
@@ -238,4 +278,4 @@ def replan_moved_ends(
             return found
         yield found.as_step()
         count = found.iteration + 1
-    return (yield from _continue_count(plan_fast(problem, config, occupancy), count))
+    return (yield from count_on(plan_fast(problem, config, occupancy), count))

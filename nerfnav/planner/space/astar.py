@@ -219,11 +219,18 @@ def ease(steps: int) -> Float[Tensor, " times"]:
 
 
 def waypoints_along(
-    path: Float[Tensor, "n c"], start: RigidState, goal: RigidState, steps: int, turn: float = TURN
+    path: Float[Tensor, "n c"],
+    start: RigidState,
+    goal: RigidState,
+    steps: int,
+    turn: float = TURN,
+    share: Float[Tensor, " times"] | None = None,
 ) -> Float[Tensor, "times 4"]:
-    """Make waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out; headings of the path, or the shorter
-    turn."""
-    share = ease(steps)
+    """Make waypoints (x, y, z [m], yaw [rad]) along a path; headings of the path, or the shorter turn.
+
+    `share` is the share of the path that is covered at each time; None: eased in and out.
+    """
+    share = ease(steps) if share is None else share
     along = resample(path, share, turn)
     positions = calm(along[:, :3])
     if path.shape[-1] == 4:

@@ -13,7 +13,7 @@ from nerfnav_app.jobs.fly.command import command_of
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
-from nerfnav_app.places.obstacles import open_with_obstacles, require_clear_ends
+from nerfnav_app.places.obstacles import open_with_obstacles, require_clear_ends, require_still
 from tests.app.doubles import balls_place
 
 ENDS = Ends(End((-0.8, 0.6, 0.4)), End((0.8, 0.6, 0.4)))
@@ -49,7 +49,7 @@ def test_a_plan_goes_around_an_obstacle_on_its_way(tmp_path: Path) -> None:
         ("{name: a, sphere: 0.002, position: [0.804, 0.603, 0.403]}", "the obstacle 'a' stands on the goal"),
         ("{name: a, box: [1, 1, 0.8], position: [-0.7, 0.5, 0.4]}", "the obstacle 'a' stands on the start"),
         ("{name: a, sphere: 0.1, position: [9, 0, 0]}", "yaml: the obstacle 'a' at .* lies outside the place"),
-        ("{name: a, sphere: 0.1, motion: {velocity: [1, 0, 0]}}", "the obstacle 'a' moves"),
+        ("{name: a, sphere: 0.3, position: [-0.8, 0.5, 0.4], motion: {velocity: [1, 0, 0]}}", "'a' stands on the sta"),
         ("{sphere: 0}", r"obstacles\[0\].sphere is 0"),
     ],
 )
@@ -59,6 +59,43 @@ def test_impossible_obstacles_are_one_sentence(text: str, reason: str, tmp_path:
         assert place.obstacles is not None
         require_clear_ends(place.obstacles, place.robot, ENDS)
     assert "\n" not in str(raised.value)
+
+
+def test_obstacles_that_move_stay_beside_the_field_and_may_stand_on_the_goal(tmp_path: Path) -> None:
+    place = balls_place()
+    mover = "{name: a, sphere: 0.1, position: [0.8, 0.6, 0.4], motion: {velocity: [1, 0, 0]}}"
+    path = obstacles_in(tmp_path, mover)
+    placed = open_with_obstacles(place, path)
+    assert placed.field is place.field and placed.movers is not None and placed.obstacles is not None
+    assert [obstacle.name for obstacle in placed.movers.obstacles] == ["a"] and place.movers is None
+    require_clear_ends(placed.obstacles, placed.robot, ENDS)
+    with pytest.raises(InvalidInputError, match="yaml: the obstacle 'a' moves, and here obstacles stand"):
+        require_still(placed, path)
+    stands = ", {name: b, sphere: 0.1, position: [0, 0.6, 0.4]}"
+    both = open_with_obstacles(place, obstacles_in(tmp_path, mover + stands))
+    assert both.field is not place.field and both.movers is not None and len(both.movers.obstacles) == 1
+    assert require_still(place, path) is place
+
+
+def test_a_flight_lets_a_mover_pass_and_is_judged_by_where_it_is(tmp_path: Path) -> None:
+    from nerfnav_app.jobs.fly import fly as job
+    from nerfnav_app.storage.kept_obstacles import KEPT
+    from tests.app.following import result_of
+
+    path = obstacles_in(
+        tmp_path, "{name: a, box: [0.3, 0.3, 0.3], position: [0, -0.4, 0.4], motion: {velocity: [0, 0.67, 0]}}"
+    )
+    placed = open_with_obstacles(balls_place(), path)
+    assert placed.movers is not None
+    request = FlyRequest(PlanRequest(ENDS, steps=30), obstacles=path, open_loop=True, out=tmp_path / "fly")
+    result = result_of(job.run(request, placed))
+    assert tmp_path / "fly" / KEPT in result.files and result.summary["obstacles"] == 1
+    rows = json.loads((tmp_path / "fly" / "steps.jsonl").read_text().splitlines()[0])
+    plan = np.array(rows["plan"]["states"]).reshape(-1, 18)[:, :3]
+    times = 0.1 * np.arange(len(plan))
+    assert placed.movers.boxes(times, placed.robot.body).gaps(plan).min() > 0
+    with pytest.raises(InvalidInputError, match="the planner 'rrt' knows no obstacles that move: take --planner fast"):
+        result_of(job.run(FlyRequest(PlanRequest(ENDS, planner="rrt", steps=30)), placed))
 
 
 def test_the_command_refuses_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -110,6 +110,20 @@ def test_a_darker_picture_finds_the_same_place_when_exposure_is_estimated():
     assert error < 2e-3 and error < truth.local(blind.posterior.mean)[:3].norm()
 
 
+def test_pixels_that_something_covers_do_not_pull_the_estimate_when_they_are_hidden():
+    truth = HERE.retract(torch.tensor([0.01, -0.01, 0.01, 0, 0, 0, 0.01, 0.01, -0.01, 0, 0, 0]))
+    image, prediction = picture(balls(), truth), Belief(HERE, SMALL.covariance())
+    hidden = torch.zeros(image.shape[:2], dtype=torch.bool)
+    hidden[:, : image.shape[1] // 2] = True
+    covered = torch.where(hidden[..., None], torch.tensor([230, 120, 20], dtype=torch.uint8), image)
+    masked = run_steps(FILTER.correct(prediction, covered, draws(0), hidden=hidden))
+    assert truth.local(masked.posterior.mean)[:3].norm() < 4e-3
+    pixels = masked.step.pixels
+    assert not hidden[pixels[:, 1], pixels[:, 0]].any()
+    none = run_steps(FILTER.correct(prediction, covered, draws(0), hidden=torch.ones_like(hidden)))
+    assert none.outcome is FilterOutcome.PREDICTED_ONLY and none.posterior is prediction
+
+
 def test_inerf_ignores_the_prediction_once_it_has_started():
     _, result, truth, prediction = update(4, inerf(balls(), ROBOT, CAMERA, config=CONFIG))
     last = result.posterior.mean

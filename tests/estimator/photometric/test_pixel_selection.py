@@ -49,6 +49,16 @@ def test_pixels_lie_around_features():
     assert feature_mask(image, PixelConfig())[choice.pixels[:, 1], choice.pixels[:, 0]].all()
 
 
+@pytest.mark.parametrize("draw", PixelDraw)
+@pytest.mark.parametrize("count", [64, 10**6])
+def test_hidden_pixels_are_never_chosen(draw: PixelDraw, count: int) -> None:
+    image, hidden = picture(balls(), HERE), torch.zeros(CAMERA.height, CAMERA.width, dtype=torch.bool)
+    hidden[:, CAMERA.width // 3 :] = True
+    choice = choose_pixels(image, PixelConfig(count=count, draw=draw), draws(0), slopes, hidden)
+    assert not hidden[choice.pixels[:, 1], choice.pixels[:, 0]].any()
+    assert len(choice.pixels.unique(dim=0)) == min(count, int((~hidden).sum()))
+
+
 def test_a_larger_dilation_offers_more_pixels():
     small, large = (feature_mask(checkers(96, 160), PixelConfig(dilation_px=size)).sum() for size in (3, 9))
     assert large > 2 * small

@@ -87,6 +87,12 @@ def test_an_experiment_in_worlds_of_its_own_takes_no_place() -> None:
         result_of(experiment.run(ExperimentRequest("moving", place="church")))
 
 
+@pytest.mark.parametrize("beside", [{"jobs": 2}, {"ray": "local"}])
+def test_an_experiment_that_measures_times_runs_alone(beside: dict[str, Any]) -> None:
+    with pytest.raises(InvalidInputError, match="moving measures times, so nothing runs beside it: leave out --jobs"):
+        result_of(experiment.run(ExperimentRequest("moving", **beside)))
+
+
 def test_a_folder_that_cannot_be_written_to_is_refused_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):

@@ -1,0 +1,116 @@
+"""Movers: announced obstacles that move, as boxes at the times of a plan, and the distance of a body from them.
+
+A box around each obstacle along its own axes, enlarged by the upright cylinder around a robot, makes the robot a point:
+where the point is outside, the robot touches nothing. Else the signed distance of the body's points from the obstacle
+itself decides.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from nerfnav.geometry import so3
+from nerfnav.obstacles import Obstacle
+from nerfnav.planner.kernels.movers import box_gaps
+from nerfnav.robots import Body, RigidState
+
+Points = Float[np.ndarray, "n 3"]
+_APART = 0.03
+"""Largest way of robot and movers together between two times at which they are compared [m]."""
+_MOST_PARTS = 40
+"""Times in a step at which they are compared, at most."""
+
+
+@dataclass(frozen=True)
+class MoverBoxes:
+    """Boxes around movers, enlarged by a robot."""
+
+    centers: Float[np.ndarray, "n m 3"]
+    """Middles at each time [m]."""
+    axes: Float[np.ndarray, "m 3 3"]
+    """Axes of each box in the world, as rows."""
+    halves: Float[np.ndarray, "m 3"]
+    """Half edges [m]."""
+
+    def gaps(self, points: Points) -> Float[np.ndarray, "n m"]:
+        """Signed distances of points, one for each time, from the boxes [m]."""
+        found = np.empty((len(points), len(self.halves)))
+        box_gaps(np.ascontiguousarray(points, float), self.centers, self.axes, self.halves, found)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Movers:
+    """Obstacles whose motion is announced."""
+
+    obstacles: tuple[Obstacle, ...]
+    """Obstacles that move; their time is that of the flight."""
+
+    @property
+    def speed_bound(self) -> float:
+        """Speed that none of them exceeds [m/s]."""
+        return max(obstacle.motion.speed_bound for obstacle in self.obstacles)
+
+    @cached_property
+    def _spans(self) -> Float[np.ndarray, "m 2 3"]:
+        return np.array([obstacle.span(obstacle.attitude.T) for obstacle in self.obstacles])
+
+    @cached_property
+    def _axes(self) -> Float[np.ndarray, "m 3 3"]:
+        return np.ascontiguousarray([obstacle.attitude.T for obstacle in self.obstacles])
+
+    def boxes(self, times: Sequence[float] | Float[np.ndarray, " n"], body: Body) -> MoverBoxes:
+        """Boxes at times of the flight [s], enlarged by a level body with any heading."""
+        clock, axes = np.asarray(times, float), self._axes
+        middles = np.einsum("mij,mi->mj", axes, self._spans.mean(1))
+        places = np.stack([obstacle.place(clock) for obstacle in self.obstacles], 1)
+        points = body.points_body.double().cpu().numpy()
+        around, tall = np.hypot(points[:, 0], points[:, 1]).max(), np.abs(points[:, 2]).max()
+        grown = around * np.hypot(axes[..., 0], axes[..., 1]) + tall * np.abs(axes[..., 2])
+        return MoverBoxes(places + middles, axes, 0.5 * (self._spans[:, 1] - self._spans[:, 0]) + grown)
+
+    def least_gaps(self, states: RigidState, dt: float, body: Body, time: float) -> Float[np.ndarray, " steps"]:
+        """Least distance of a body from them in each step of a motion [m], negative where it touches one.
+
+        The states, batch shape (steps + 1,), are `dt` [s] apart, from a time of the flight [s] on; what is not finite
+        touches nothing. A distance is that of the point from the enlarged boxes where it is outside of them.
+        """
+        steps = len(states.position) - 1
+        if not (states.position.isfinite().all() and states.rotation.isfinite().all()):
+            return np.full(steps, np.inf)
+        fastest = float(states.position.diff(dim=0).norm(dim=-1).max()) + self.speed_bound * dt
+        parts = min(_MOST_PARTS, max(1, int(np.ceil(fastest / _APART))))
+        poses = _poses_between(states, parts)
+        times = time + dt / parts * np.arange(steps * parts + 1)
+        boxes = self.boxes(times, body)
+        gaps = boxes.gaps(poses.position.double().cpu().numpy())
+        for index, obstacle in enumerate(self.obstacles):
+            near = np.flatnonzero(gaps[:, index] <= 0)
+            if len(near):
+                points = body.points_at(poses[torch.from_numpy(near)]).double().cpu().numpy()
+                own = (points - obstacle.place(times[near])[:, None]) @ obstacle.attitude
+                distance = obstacle.shape.signed_distance(own.reshape(-1, 3)).reshape(points.shape[:2])
+                gaps[near, index] = distance.min(-1)
+        least = gaps.min(-1)
+        within = np.lib.stride_tricks.sliding_window_view(least, parts + 1)[::parts]
+        return within.min(-1)
+
+
+def _poses_between(states: RigidState, parts: int) -> RigidState:
+    """Interpolate states in equal parts of each step: straight lines, steady turns."""
+    states = RigidState(*(part.detach().double() for part in (
+        states.position, states.velocity, states.rotation, states.body_rate,
+    )))  # fmt: skip
+    index = torch.arange((len(states.position) - 1) * parts)
+    step, share = index // parts, (index % parts)[:, None].double() / parts
+    before, after = states[:-1][step], states[1:][step]
+    turn = so3.local(before.rotation, after.rotation)
+    between = RigidState(
+        before.position + share * (after.position - before.position), before.velocity,
+        so3.retract(before.rotation, share * turn), before.body_rate,
+    )  # fmt: skip
+    return RigidState.cat([between, states[-1:]])
