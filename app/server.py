@@ -5,6 +5,9 @@ tabs --commands--> inbox --> UI loop: session = reduce(session, message) --> lay
                      +-- events --+--> worker: the job that the session wants
 """
 
+from dataclasses import replace
+from pathlib import Path
+
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
 from nerfnav_app.page.page import build_page
@@ -12,6 +15,7 @@ from nerfnav_app.page_server import page_server
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.security.address import page_url
 from nerfnav_app.state.actions import Action
+from nerfnav_app.state.obstacles import read_placed
 from nerfnav_app.state.session import Session
 from nerfnav_app.ui_loop import UiLoop
 from nerfnav_app.worker.backend import NavigationBackend
@@ -32,10 +36,12 @@ class App:
         work: Work | None = None,
         begun: FieldSurfaceLayer | None = None,
         remembers: bool = False,
+        obstacles: Path | None = None,
     ) -> None:
         """Nothing is listened at before `start`; with `begun`, its server is used, which the caller stops.
 
-        An app that `remembers` begins with the ends, settings and view with which the last one left the place.
+        An app that `remembers` begins with the ends, settings and view with which the last one left the place, but with
+        the `obstacles` of a file, if given. Raises InvalidInputError where that cannot be read.
         """
         self._host, self._port, self._token = host, port, token
         self._library = PlaceLibrary()
@@ -43,6 +49,8 @@ class App:
         session = Session.opening(
             what, surface=None if begun is None else begun.surface, saved=None if memory is None else memory.last()
         )
+        if obstacles is not None:
+            session = replace(session, obstacles=read_placed(obstacles))
         self._worker = Worker(work or NavigationBackend(), self.post)
         self._loop = UiLoop(session, self._worker.follow, *([] if memory is None else [memory.follow]))
         self._begun, self._server = begun, None if begun is None else begun.server

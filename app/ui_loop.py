@@ -13,6 +13,7 @@ from typing import Protocol
 
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state.actions import Action, MoveEnd, QueryAnswered, Reported, Tick
+from nerfnav_app.state.obstacles import ChangeObstacle
 from nerfnav_app.state.session import Session
 
 _log = logging.getLogger(__name__)
@@ -118,7 +119,7 @@ class UiLoop:
             _log.exception("a message of type %s was not understood", type(message).__name__)
         for follow in self._follow:
             follow(self.session)
-        if isinstance(message, MoveEnd) and message.held and self.session.plan_follows_hand:
+        if isinstance(message, MoveEnd | ChangeObstacle) and message.held and self.session.plan_follows_hand:
             return False  # the hand has moved the gizmo itself: what is worth a frame is the plan that follows
         # a command that was refused leaves the session alone, but its tab shows what was refused
         return self.session is not before or not isinstance(message, Reported)

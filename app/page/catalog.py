@@ -17,13 +17,14 @@ from nerfnav_app.page.layers.field_backdrop import FieldBackdropLayer
 from nerfnav_app.page.layers.flight import FlightLayer
 from nerfnav_app.page.layers.global_localization import GlobalLocalizationLayer
 from nerfnav_app.page.layers.notices import NoticesLayer
+from nerfnav_app.page.layers.obstacles import ObstaclesLayer
 from nerfnav_app.page.layers.overlays import OverlaysLayer
 from nerfnav_app.page.layers.plan import PlanLayer
 from nerfnav_app.page.layers.splats import SplatsLayer
 from nerfnav_app.page.layers.track import TrackLayer
 from nerfnav_app.page.layers.viewpoint import ViewpointLayer
 from nerfnav_app.page.panels.flight import camera, estimate, flight, track
-from nerfnav_app.page.panels.place import alignment, place, place_library, view_settings
+from nerfnav_app.page.panels.place import alignment, obstacles, place, place_library, view_settings
 from nerfnav_app.page.panels.plan import ends, plan, robot
 from nerfnav_app.page.panels.plan import occupancy_map as map_panel
 from nerfnav_app.page.panels.runs import experiments, export, runs, screenshot
@@ -40,6 +41,7 @@ def layers(page: Page) -> tuple[Panel, ...]:
         OverlaysLayer(server),
         FieldBackdropLayer(server, page.post),
         EndsLayer(server, page.post),
+        ObstaclesLayer(server, page.post),
         PlanLayer(server),
         FlightLayer(server),
         CameraModesLayer(server),
@@ -63,6 +65,7 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
         "kept places", lambda page: place_library.PlaceLibraryPanel(page.server, page.post, page.library), "Scene"
     ),
     PanelEntry("ends", lambda page: ends.EndsPanel(page.server, page.post), "Scene"),
+    PanelEntry("obstacles", lambda page: obstacles.ObstaclesPanel(page.server, page.post), "Scene"),
     PanelEntry("robot", lambda page: robot.RobotPanel(page.server, page.post, page.library), "Scene"),
     PanelEntry("placing", lambda page: alignment.AlignmentPanel(page.server, page.post), "Scene"),
     PanelEntry("view settings", lambda page: view_settings.ViewSettingsPanel(page.server, page.post), "Scene"),

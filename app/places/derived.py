@@ -7,8 +7,8 @@ from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
 from nerfnav.field import UnknownSpace, describe_unproven, planning_field
 from nerfnav.geometry import Camera
 from nerfnav.navigation import WORLDS, WorldName
-from nerfnav.planner import OccupancyConfig, OccupancyMap, close_holes
-from nerfnav.robots import Robot
+from nerfnav.planner import OccupancyConfig, OccupancyMap, close_holes, fits
+from nerfnav.robots import RigidState, Robot
 from nerfnav_app.places.place import Place
 
 
@@ -42,6 +42,13 @@ def _map_of(place: Place, config: OccupancyConfig, height: float | None) -> Occu
 def planning_robot(robot: Robot, world: WorldName) -> Robot:
     """The robot as planners take it in a world; one object for each, by which maps of chances know it again."""
     return WORLDS[world].planning_robot(robot)
+
+
+def is_only_unproven(place: Place, state: RigidState) -> bool:
+    """Check whether unproven space alone keeps the place's robot from a state."""
+    body = place.robot.body
+    closed, as_it_says = (prepare_place(place, unknown) for unknown in (UnknownSpace.OCCUPIED, UnknownSpace.FREE))
+    return not fits(closed.field, body, state) and fits(as_it_says.field, body, state)
 
 
 @lru_cache(maxsize=1)

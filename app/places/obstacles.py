@@ -1,16 +1,29 @@
 """Obstacles in a place: placed in its field and its ground truth, and checked against the ends of a route."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.obstacles import Obstacle, ObstacleSet, place_in_field, place_in_scene, read_obstacles
-from nerfnav.robots import Robot
+from nerfnav.field import VoxelField
+from nerfnav.obstacles import (
+    Obstacle,
+    ObstacleEntry,
+    ObstacleSet,
+    obstacle_of,
+    place_in_field,
+    place_in_scene,
+    read_obstacle_entries,
+    read_obstacles,
+    replace_in_field,
+)
+from nerfnav.robots import RigidState, Robot
 from nerfnav.world import Scene
-from nerfnav_app.places.ends import Ends, Point
+from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.place import Place, Truth
 
 
@@ -21,32 +34,56 @@ def open_with_obstacles(place: Place, path: Path) -> Place:
     Raises InvalidInputError for a file that cannot be read, and for obstacles that stand outside the place.
     """
     obstacles = read_obstacles(path)
-    standing = ObstacleSet(_standing(obstacles))
-    if not standing.obstacles:
-        return replace(place, obstacles=obstacles)
     try:
-        field, truth = place_in_field(place.field, standing), place.truth
+        return place_obstacles(place, obstacles)
     except InvalidInputError as error:
         raise InvalidInputError(f"{path}: {error}") from error
+
+
+def read_standing(path: Path) -> tuple[ObstacleEntry, ...]:
+    """Read the entries of a file. Raises InvalidInputError where it cannot be read, or an obstacle moves."""
+    entries = read_obstacle_entries(path)
+    for entry in entries:
+        try:
+            require_standing(obstacle_of(entry))
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{path}: {error}") from error
+    return entries
+
+
+def require_standing(obstacle: Obstacle) -> None:
+    """Raise InvalidInputError for an obstacle that moves."""
+    if obstacle.moves:
+        raise InvalidInputError(
+            f"the obstacle {obstacle.name!r} moves, and here obstacles stand: leave its motion out"
+        )
+
+
+def place_obstacles(place: Place, obstacles: ObstacleSet, last: Place | None = None) -> Place:
+    """A place without obstacles with some in it: those that stand in the map, in the ground truth, and so in the
+    camera; those that move beside them.
+
+    Where `last` is the same place with others, only what differs is computed. Raises InvalidInputError for obstacles
+    that stand outside the place.
+    """
+    truth, standing = place.truth, _standing(obstacles)
+    before = None if last is None or last.obstacles is None else _standing(last.obstacles)
+    if not standing.obstacles:
+        return replace(place, obstacles=obstacles, bare=place)
+    if last is not None and before is not None and isinstance(place.field, VoxelField):
+        assert isinstance(last.field, VoxelField), "obstacles leave the kind of a field as it is"
+        field = replace_in_field(place.field, standing, last.field, before)
+    else:
+        field = place_in_field(place.field, standing)
     if truth is not None:
-        before = truth.load
+        load_bare = truth.load
 
         @cache
         def load() -> Scene:
-            return place_in_scene(before(), standing)
+            return place_in_scene(load_bare(), standing)
 
         truth = Truth(truth.tasks, load)
-    return replace(place, field=field, truth=truth, obstacles=obstacles)
-
-
-def require_still(place: Place, path: Path) -> Place:
-    """The place, whose obstacles stand. Raises InvalidInputError, which names the file, for one that moves."""
-    if place.obstacles is not None and place.obstacles.moving:
-        raise InvalidInputError(
-            f"{path}: the obstacle {place.obstacles.moving[0].name!r} moves, and here obstacles stand: leave its "
-            "motion out"
-        )
-    return place
+    return replace(place, field=field, truth=truth, obstacles=obstacles, bare=place)
 
 
 def require_clear_ends(obstacles: ObstacleSet, robot: Robot, ends: Ends) -> None:
@@ -54,20 +91,28 @@ def require_clear_ends(obstacles: ObstacleSet, robot: Robot, ends: Ends) -> None
 
     One that moves counts at the start, where it is at take-off.
     """
-    for name, end in (("start", ends.start), ("goal", ends.goal)):
-        points = robot.body.points_at(end.state()).double().numpy()
-        for obstacle in obstacles.obstacles if end is ends.start else _standing(obstacles):
-            touched = bool((obstacle.signed_distance(points) <= 0).any())
-            if touched or _fits_inside(obstacle, robot.body.radius, end.position):
-                raise InvalidInputError(f"the obstacle {obstacle.name!r} stands on the {name}: move one of them")
+    for which in EndRole:
+        counted = obstacles.obstacles if which is EndRole.START else _standing(obstacles).obstacles
+        touched = find_touched(counted, robot, ends.of(which).state())
+        if touched is not None:
+            raise InvalidInputError(f"the obstacle {touched.name!r} stands on the {which.value}: move one of them")
 
 
-def _standing(obstacles: ObstacleSet) -> tuple[Obstacle, ...]:
-    return tuple(obstacle for obstacle in obstacles.obstacles if not obstacle.moves)
+def _standing(obstacles: ObstacleSet) -> ObstacleSet:
+    return ObstacleSet(tuple(obstacle for obstacle in obstacles.obstacles if not obstacle.moves))
 
 
-def _fits_inside(obstacle: Obstacle, radius: float, middle: Point) -> bool:
+def find_touched(obstacles: Iterable[Obstacle], robot: Robot, state: RigidState) -> Obstacle | None:
+    """Find an obstacle that a robot in a state touches; None where it touches none."""
+    points, middle = robot.body.points_at(state).double().numpy(), state.position.double().numpy()
+    for obstacle in obstacles:
+        if bool((obstacle.signed_distance(points) <= 0).any()) or _fits_inside(obstacle, robot.body.radius, middle):
+            return obstacle
+    return None
+
+
+def _fits_inside(obstacle: Obstacle, radius: float, middle: Float[np.ndarray, "3"]) -> bool:
     """Check for an obstacle that may be between the points of a body."""
     boxes = ObstacleSet((obstacle,)).boxes([0.0])
-    farthest = np.abs(boxes.centers[0, 0] - np.array(middle)) + boxes.halves[0]
+    farthest = np.abs(boxes.centers[0, 0] - middle) + boxes.halves[0]
     return bool(np.linalg.norm(farthest) <= radius)

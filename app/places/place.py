@@ -54,6 +54,8 @@ class Place:
     """File of the field; None where it was made in memory."""
     obstacles: "ObstacleSet | None" = None
     """Obstacles of the place; field and ground truth have those that stand. None: none."""
+    bare: "Place | None" = None
+    """The place without the obstacles; None where it has none."""
 
     @property
     def source(self) -> str | None:
@@ -74,6 +76,12 @@ class Place:
         from nerfnav.planner import Movers  # slow to import, and seldom needed
 
         return Movers(self.obstacles.moving)
+
+    def without_obstacles(self) -> "Place":
+        """The same place as it is without the obstacles."""
+        if self.bare is None or self.bare.robot is self.robot:  # the same object, by which its maps are known
+            return self.bare or self
+        return replace(self.bare, robot=self.robot)
 
     def with_robot(self, name: str) -> "Place":
         """The same place for another robot. See `nerfnav.robots.load` for names, files and errors."""

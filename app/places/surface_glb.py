@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import trimesh  # slow to import, and surfaces are seldom made
 
     from nerfnav.field.surface.texture import TexturedMesh
+    from nerfnav.obstacles import CutOut
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
@@ -162,6 +163,24 @@ def clip_and_fade(glb: bytes, opacity: float, clip: float) -> bytes:
         document["materials"][0]["alphaMode"] = "BLEND"
         document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = opacity
     return packed(document, binary)
+
+
+def split_glb(glb: bytes, shape: "CutOut", inside: bool) -> bytes:
+    """The faces of a surface whose middles are inside the volume of a cut-out, where it was cut out; or all others."""
+    document, binary = parts(glb)
+    (primitive,) = document["meshes"][0]["primitives"]
+    corners, indices = (
+        document["accessors"][index] for index in (primitive["attributes"]["POSITION"], primitive["indices"])
+    )
+    at, first = (document["bufferViews"][each["bufferView"]]["byteOffset"] for each in (corners, indices))
+    vertices = np.frombuffer(binary, "<f4", 3 * corners["count"], at).reshape(-1, 3)
+    faces = np.frombuffer(binary, "<u4", indices["count"], first).reshape(-1, 3)
+    kept = faces[(shape.source.signed_distance(vertices[faces].mean(1).astype(float)) <= 0) == inside]
+    if len(kept) == 0:
+        kept = np.zeros((1, 3), "<u4")  # browsers take no mesh without a face: this one has no area
+    indices["count"] = kept.size
+    data = np.ascontiguousarray(kept, "<u4").tobytes()
+    return packed(document, binary[:first] + data + binary[first + len(data) :])
 
 
 def _by_height(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[int]]:

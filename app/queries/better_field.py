@@ -86,7 +86,7 @@ class BetterFieldQuery(Query[Refinement]):
     def _begin(self, resources: Resources) -> Generator[JobEvent | VoxelField, None, None]:
         from nerfnav_app.jobs.field import baked, drafts  # slow to import, and seldom needed
 
-        place = resources.place
+        place = resources.place.without_obstacles()
         if place.field.info.is_draft:
             return drafts.refine(self.source, self.file, self.quality, BUDGETS_S[self.quality])
         if place.scene is None or not isinstance(place.field, VoxelField):
@@ -100,7 +100,7 @@ class BetterFieldQuery(Query[Refinement]):
             return session
         if better is None:
             return super().apply(session, result)
-        there = replace(session, place=replace(place, field=better))
+        there = replace(session, place=replace(place.without_obstacles(), field=better))  # they are placed again
         if not better.info.iterations:  # calibrated: it looks the same
             return replace(there, results={self.slot: (self, result)})
         there = replace(there, results={}, surface_is_rough=True)

@@ -14,8 +14,8 @@ from nerfnav_app.queries import (
     first_ends,
     following_plan,
     ground,
-    more_time,
     place_list,
+    placed_obstacles,
     robot_view,
     run_list,
     space,
@@ -32,12 +32,14 @@ _KINDS: list[type[Query[Any]]] = [
     run_list.RunListQuery,
     place_list.PlaceListQuery,
     click_landing.ClickLandingQuery,
+    placed_obstacles.ObstacleLandingQuery,
+    placed_obstacles.PlacedObstaclesQuery,  # which changes what plans are made in
     ground.GroundQuery,  # which moves the ends of plans
     surface_point.SurfacePointQuery,
     surface_point.FloorQuery,
     following_plan.FollowingPlanQuery,
     end_fit.EndFitQuery,
-    more_time.MoreTimeQuery,
+    following_plan.MoreTimeQuery,
     density_slice.DensitySliceQuery,
     space.SpaceQuery,
     field_view.FieldViewQuery,
@@ -49,8 +51,11 @@ _KINDS: list[type[Query[Any]]] = [
 ]
 
 
-_WHILE_HELD = (following_plan.FollowingPlanQuery, end_fit.EndFitQuery, ground.GroundQuery)
-"""Queries while the user drags an end; all others wait, so that these come first."""
+_WHILE_HELD = (
+    following_plan.FollowingPlanQuery, placed_obstacles.PlacedObstaclesQuery, end_fit.EndFitQuery, ground.GroundQuery
+)  # fmt: skip
+"""Queries while the user drags an end or an obstacle; all others wait. The plan follows an obstacle to where it is
+placed before the obstacle is placed again, where the hand is by then."""
 
 
 def register(kind: type[Query[Any]]) -> None:

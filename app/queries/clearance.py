@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -80,6 +81,7 @@ def find_shown_motion(session: Session) -> ShownMotion | None:
 class ClearanceQuery(Query[Clearance]):
     """Query for the clearance of a motion. Two queries for the same motion are equal."""
 
+    reads_field: ClassVar[bool] = True
     shown: ShownMotion
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """Occupancy that is assumed of space that no camera saw."""

@@ -9,7 +9,7 @@ import torch
 from nerfnav.field import Field, UnknownSpace, render_rays
 from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose
 from nerfnav_app.places.derived import build_occupancy, prepare_place
-from nerfnav_app.places.ends import End
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice, move_end
 from nerfnav_app.state.alignment import Ray, Vector
@@ -42,7 +42,7 @@ class ClickLandingQuery(Query[Vector | None]):
     @classmethod
     def pending(cls, session: Session) -> Iterator["ClickLandingQuery"]:
         """Ask while an end waits for its click."""
-        if session.clicked is not None:
+        if session.clicked is not None and isinstance(session.clicked.which, EndRole):
             yield cls(session.clicked, session.plan_settings.unknown)
 
     def answer(self, resources: Resources) -> Vector | None:
@@ -65,9 +65,10 @@ class ClickLandingQuery(Query[Vector | None]):
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """Move the end there, unless another click came."""
-        if session.place is None or session.clicked != self.click:
+        which = self.click.which
+        if session.place is None or session.clicked != self.click or not isinstance(which, EndRole):
             return session
-        done, which = replace(session, clicked=None), self.click.which
+        done = replace(session, clicked=None)
         if result is None:
             return add_notice(done, "Nothing there", f"The click met nothing to put the {which.value} on.", bad=True)
         return move_end(done, session.place, which, End(result, session.ends.of(which).yaw))

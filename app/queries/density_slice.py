@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -17,6 +18,7 @@ _DENSITY = 20.0  # [1/m] at which a slice is at its strongest
 class DensitySliceQuery(Query[np.ndarray]):
     """Query for a level slice of the density, from above: (along x, along y, 4), sRGB bytes and opacity."""
 
+    reads_field: ClassVar[bool] = True
     share: float
     """Height as a share of the box, 0 to 1."""
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from nerfnav.field import UnknownSpace
 from nerfnav.geometry import so3
 from nerfnav.planner import OccupancyConfig, explain_unfit, fits, nearest_free_pose
-from nerfnav_app.places.derived import build_occupancy, prepare_place
+from nerfnav_app.places.derived import build_occupancy, is_only_unproven, prepare_place
 from nerfnav_app.places.ends import End, EndRole
+from nerfnav_app.places.obstacles import find_touched
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
@@ -23,13 +24,19 @@ class EndFit:
     """The nearest end at which the robot fits, where it does not fit here."""
 
 
-def check_fit(place: Place, which: EndRole, end: End) -> EndFit:
-    """Check the fit of a place's robot at an end; `place` is as planners see it."""
+def check_fit(seen: Place, which: EndRole, end: End, unknown: UnknownSpace = UnknownSpace.OCCUPIED) -> EndFit:
+    """Check the fit of a place's robot at an end, with unknown space as planners take it."""
+    place = prepare_place(seen, unknown)
     body, state, name = place.robot.body, end.state(), which.value
+    placed = () if place.obstacles is None else place.obstacles.obstacles
     occupancy = build_occupancy(place, OccupancyConfig(), end.position[2])
     if fits(place.field, body, state, occupancy.scales.threshold):
         return EndFit(None)
     nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit(place.field, body, state)
+    if (touched := find_touched(placed, place.robot, state)) is not None:
+        wrong = f"is where the obstacle {touched.name!r} stands"
+    elif unknown is UnknownSpace.OCCUPIED and is_only_unproven(seen, state):
+        wrong = "is in unproven space"
     if nearest is None:
         return EndFit(f"the {name} {wrong}, far from any free point.")
     x, y, z = nearest.position.tolist()
@@ -57,7 +64,7 @@ class EndFitQuery(Query[EndFit]):
 
     def answer(self, resources: Resources) -> EndFit:
         """Check the density at all body points, as plans do."""
-        return check_fit(prepare_place(resources.place, self.unknown), self.which, self.end)
+        return check_fit(resources.place, self.which, self.end, self.unknown)
 
     def apply(self, session: Session, result: EndFit) -> Session:
         """Keep the problem of the end, unless the end was moved meanwhile."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -36,6 +37,7 @@ class FieldView:
 class FieldViewQuery(Query[FieldView]):
     """Query for a rendering of the field from there."""
 
+    reads_field: ClassVar[bool] = True
     client: int
     """Number of the tab."""
     eye: Eye

@@ -1,6 +1,7 @@
-"""Query for the plan between the ends as they are now, with the settings of now, so that the plan follows the hand.
+"""Queries for plans: between the ends as they are now, with the settings of now, so that the plan follows the hand; and
+for the duration with which a plan keeps the robot's limits.
 
-The plan job makes it: with its verdict, or as a draft while a hand moves an end.
+The plan job makes them: with their verdict, or as drafts, as while a hand moves an end or an obstacle.
 """
 
 from collections.abc import Iterator
@@ -8,14 +9,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.planner import PlanOutcome, PlanResult, PlanStep, planners
+from nerfnav.planner import FLYABLE, PlanOutcome, PlanResult, PlanStep, planners
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobRun
 from nerfnav_app.jobs.plan import plan
 from nerfnav_app.places.place import Place
-from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.plan import PlanRecord
+from nerfnav_app.queries.query import PlanQuery, Query, Resources
+from nerfnav_app.state.plan import LONGEST_S, PlanRecord
 from nerfnav_app.state.session import Session
+
+_GROWTH, _TRIALS = 1.3, 7
+"""Factor on the duration from one trial to the next, and the number of trials: up to six times as long."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,8 @@ class FollowingPlanQuery(Query[SessionPlan]):
         stale = session.plan_is_stale or (plan.draft and not session.held)
         if stale and planners.load(session.choice.planner).real_time:
             last = None if plan.latest is None else plan.latest.motion
-            record = replace(session.new_plan(session.ends), draft=session.held)
+            first = session.held or plan.obstacles != session.placed_obstacles  # seen at once, and then judged
+            record = replace(session.new_plan(session.ends), draft=first)
             yield cls(record, session.choice.robot, session.jobs_begun, last)
 
     def answer(self, resources: Resources) -> SessionPlan:
@@ -100,3 +105,30 @@ class FollowingPlanQuery(Query[SessionPlan]):
         for step in result.steps:
             record = record.with_step(step)
         return replace(session, plan=record)
+
+
+class MoreTimeQuery(PlanQuery[float | None]):
+    """Query for the duration with which a plan keeps the robot's limits [s]; None where more time does not help."""
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["MoreTimeQuery"]:
+        """Ask for a plan that is too fast, while no job runs."""
+        plan = session.unsafe_plan
+        if plan is None or session.job is not None or plan.draft or plan.settings.shortest:
+            return
+        if plan.outcome is PlanOutcome.OVER_LIMITS:
+            yield cls(plan)
+
+    def answer(self, resources: Resources) -> float | None:
+        """Plan with more and more time."""
+        plan = self.plan
+        seconds = plan.settings.duration_s
+        for _ in range(_TRIALS):
+            seconds = round(_GROWTH * seconds + 0.05, 1)
+            if seconds > LONGEST_S:
+                return None
+            request = plan_request(replace(plan, settings=plan.settings.with_duration(seconds)), resources)
+            outcome = make_plan(replace(request, draft=True), resources.place).outcome
+            if outcome is not PlanOutcome.OVER_LIMITS:
+                return seconds if outcome in FLYABLE else None
+        return None

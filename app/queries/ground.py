@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from nerfnav.field import UnknownSpace
-from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.ground import find_ground
 from nerfnav_app.queries.end_fit import EndFit, check_fit
@@ -48,12 +47,11 @@ class GroundQuery(Query[GroundFit]):
     def answer(self, resources: Resources) -> GroundFit:
         """Find the floor, then check the density at all body points, as plans do."""
         found = find_ground(resources.place, self.ends, self.unknown)
-        planning = prepare_place(resources.place, self.unknown)
         return GroundFit(
             found.ends,
             {
                 which: EndFit(f"{found.problems[which]}.") if which in found.problems
-                else check_fit(planning, which, found.ends.of(which))
+                else check_fit(resources.place, which, found.ends.of(which), self.unknown)
                 for which in EndRole
             },
         )  # fmt: skip

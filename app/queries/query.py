@@ -7,7 +7,7 @@ complete in itself: its answer reads nothing of the session. catalog.py lists th
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig
@@ -36,6 +36,9 @@ class Resources:
 @dataclass(frozen=True)
 class Query(ABC, Generic[Result]):
     """Request of the page for data. Two queries that are equal have the same answer."""
+
+    reads_field: ClassVar[bool] = False
+    """True where the answer depends on the field, and is asked again once obstacles in it have moved."""
 
     @property
     def pause(self) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ RobotView = tuple[np.ndarray, ...]
 class RobotViewQuery(Query[RobotView]):
     """Query for renderings of the field from the believed state, or from the ends."""
 
+    reads_field: ClassVar[bool] = True
     key: tuple[Any, ...]
     """Key of the view; two queries of one key have the same answer."""
     states: tuple[RigidState | End, ...] = field(compare=False)

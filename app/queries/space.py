@@ -3,6 +3,7 @@
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -36,6 +37,7 @@ class SpaceVoxels:
 class SpaceQuery(Query[SpaceVoxels]):
     """Query for the voxels of a part of space."""
 
+    reads_field: ClassVar[bool] = True
     space: Space
     height: float = 0.0
     """Height of a robot on the ground [m]; of others all heights are shown."""

@@ -9,10 +9,13 @@ from nerfnav_app.reducers.common import move_end
 from nerfnav_app.reducers.place import make_choice
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.obstacles import ChangeObstacle, ObstacleAction
 from nerfnav_app.state.plan import AllowTime, RestoreWeights
 from nerfnav_app.state.session import Moment, Session
 
-_STEPS = m.MoveEnd | m.TypeEnd | m.ChooseTask | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
+_STEPS = (
+    m.MoveEnd | m.TypeEnd | m.ChooseTask | ObstacleAction | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
+)
 
 
 def record_step(before: Session, after: Session, action: m.Action) -> Session:
@@ -25,7 +28,7 @@ def record_step(before: Session, after: Session, action: m.Action) -> Session:
         history = history.stepped(then, _step_key(action, before.held))
     if isinstance(action, m.Reset) and before.plan is not None:
         history = replace(history, planned=then)
-    if isinstance(action, m.MoveEnd) and not action.held:
+    if isinstance(action, m.MoveEnd | ChangeObstacle) and not action.held:
         history = replace(history, last=None)  # the user has let go: the next move is another step
     return after if history == after.history else replace(after, history=history)
 
@@ -66,17 +69,20 @@ def restore_moment(session: Session, aim: Moment) -> Session:
     return replace(
         session, choice=aim.choice, task=aim.task, home=aim.home, home_ends=aim.home_ends, seeking=False, outside={},
         plan_settings=aim.plan_settings, flight_settings=aim.flight_settings, view_settings=aim.view_settings,
+        obstacles=aim.obstacles,
     )  # fmt: skip
 
 
 def _step_key(action: m.Action, held: bool) -> Hashable:
-    """Key of actions that continue the same step: an end that is dragged, a slider that moves.
+    """Key of actions that continue the same step: an end or an obstacle that is dragged, a slider that moves.
 
-    `held`: whether the user dragged an end until now.
+    `held`: whether the user dragged one until now.
     """
     match action:
         case m.MoveEnd(which) if action.held or held:
             return which
+        case ChangeObstacle(name) if action.held or held:
+            return ChangeObstacle, name
         case m.Adjust(settings, name, _):
             return settings, name
         case _:

@@ -74,7 +74,8 @@ def _enter_opened(session: Session, place: Place) -> Session:
         box = place.field.box
         seen = left.view is not None and is_visible(left.view, box.lower.tolist(), box.upper.tolist())
         view = left.view if seen else None
-        there = history.restore_moment(replace(there, saved=None, view=view, viewed=view), left.moment)
+        restored = history.restore_moment(replace(there, saved=None, view=view, viewed=view), left.moment)
+        there = replace(restored, obstacles=there.obstacles or restored.obstacles)  # those of a file come first
     return _warn_size(there, place)
 
 

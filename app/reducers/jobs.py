@@ -101,7 +101,9 @@ def begin_job(
     fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=session.new_plan(session.ends))
-    flight = FlightRecord(session.ends, flown_by=session.flown_by, flown_in=session.field_made_by)
+    flight = FlightRecord(
+        session.ends, flown_by=session.flown_by, flown_in=session.field_made_by, obstacles=session.placed_obstacles
+    )
     return replace(fresh, plan=job.first_plan, flight=flight)
 
 

@@ -5,9 +5,11 @@ from dataclasses import replace
 from nerfnav_app.reducers import history, jobs, place, runs
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.reducers.job_reports import apply_report
+from nerfnav_app.reducers.obstacles import command_obstacles
 from nerfnav_app.reducers.settings import adjust_setting, reset_settings
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.alignment import AlignmentAction, UndoAlignment
+from nerfnav_app.state.obstacles import ObstacleAction
 from nerfnav_app.state.robot_draft import DiscardEdits, EditRobot
 from nerfnav_app.state.runs import ListExperiments, OpenRun, RunAction, ShowResult
 from nerfnav_app.state.session import Session
@@ -59,6 +61,8 @@ def _command(session: Session, command: m.Command) -> Session:
         return place.command_alignment(session, opened, command)
     if isinstance(command, place.PlaceCommand):
         return place.command_place(session, opened, command)
+    if isinstance(command, ObstacleAction):
+        return command_obstacles(session, command)
     if isinstance(command, jobs.Steering) and (session.in_flight or not isinstance(command, m.FindRobot)):
         return jobs.steer_flight(session, command)
     if isinstance(command, jobs.JobCommand):

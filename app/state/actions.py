@@ -8,6 +8,7 @@ from nerfnav_app.jobs.events import JobReport
 from nerfnav_app.state.alignment import AlignmentAction
 from nerfnav_app.state.flight import FindRobot, Gust, KidnapRobot, Pause, Resume, StartFlight, StepOnce
 from nerfnav_app.state.job import DownloadRequest
+from nerfnav_app.state.obstacles import ObstacleAction
 from nerfnav_app.state.place import (
     AimEnd,
     Choose,
@@ -85,6 +86,7 @@ Command = (
     | Choose
     | AimEnd
     | ClickScene
+    | ObstacleAction
     | StartPlan
     | StartComparison
     | PlanAction

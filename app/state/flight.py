@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, GustStrength, NavigationStep, WorldName
+from nerfnav.obstacles import ObstacleSet
 from nerfnav.planner import PlanStep
 from nerfnav.robots import Motion, RigidState, StateNoise
 from nerfnav_app.places.ends import Ends
@@ -122,6 +123,8 @@ class FlightRecord:
     """`Session.flown_by` when it began; None for stored flights, whose settings are not known."""
     flown_in: str = ""
     """`Session.field_made_by` when it began; empty for stored flights."""
+    obstacles: ObstacleSet | None = None
+    """Obstacles in the place at its last step; not known of stored flights."""
 
     @property
     def gusts(self) -> tuple[int, ...]:

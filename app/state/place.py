@@ -12,6 +12,7 @@ from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import USUAL, QualityName
 from nerfnav_app.state.alignment import AlignmentDraft, Ray
+from nerfnav_app.state.obstacles import ObstacleKind
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,9 @@ class Choose:
 
 @dataclass(frozen=True)
 class AimEnd:
-    """Let the next click into the scene place an end; None: clicks place nothing."""
+    """Let the next click into the scene place an end, or a new obstacle; None: clicks place nothing."""
 
-    which: EndRole | None
+    which: EndRole | ObstacleKind | None
 
 
 @dataclass(frozen=True)
@@ -105,10 +106,10 @@ class ClickScene:
 
 @dataclass(frozen=True)
 class Click:
-    """A click into the scene that places an end."""
+    """A click into the scene that places an end, or a new obstacle."""
 
-    which: EndRole
-    """The end that it places."""
+    which: EndRole | ObstacleKind
+    """The end, or the kind of the obstacle."""
     ray: Ray
 
 
@@ -143,9 +144,9 @@ class PlaceState:
     outside: Mapping[EndRole, End] = field(default_factory=dict)
     """Typed ends outside of the place: shown until they are corrected, never used."""
     held: bool = False
-    """True while the user drags an end."""
-    aiming: EndRole | None = None
-    """The end that the next click into the scene places."""
+    """True while the user drags an end or an obstacle."""
+    aiming: EndRole | ObstacleKind | None = None
+    """The end, or the kind of obstacle, that the next click into the scene places."""
     clicked: Click | None = None
     """A click whose target is being computed."""
     alignment: AlignmentDraft = field(default_factory=AlignmentDraft)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import ExpectedSigma
+from nerfnav.obstacles import ObstacleSet
 from nerfnav.planner import (
     FLYABLE,
     RISK,
@@ -203,8 +204,10 @@ class PlanRecord:
     """Settings of the flight that the plan is for: its noise and its world count in the plan."""
     field_made_by: str = ""
     """`Session.field_made_by` at that time; empty where it is not known."""
+    obstacles: ObstacleSet | None = field(default=None, hash=False)
+    """Obstacles in the place at that time."""
     draft: bool = False
-    """True for a plan that follows the hand while it drags an end: it is not checked for safety."""
+    """True for a plan that follows the hand while it drags an end or an obstacle: it is not checked for safety."""
     refusal: str = ""
     """Reason why there is no plan for a later request."""
     latest: PlanStep | None = None

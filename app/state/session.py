@@ -14,10 +14,12 @@ from torch import Tensor
 
 from nerfnav.export import Refusal
 from nerfnav.importers import Corners
+from nerfnav.obstacles import ObstacleSet
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.vantage import View
 from nerfnav_app.state.flight import FlightRecord, FlightSettings, FlightState
 from nerfnav_app.state.job import Download, Job, JobKind, RefusedExport
+from nerfnav_app.state.obstacles import ObstacleState, PlacedObstacle
 from nerfnav_app.state.place import Choice, OpenPlace, PlaceState
 from nerfnav_app.state.plan import PlanRecord, PlanSettings, PlanState
 from nerfnav_app.state.runs import ExperimentState, Runs, TimedRecord
@@ -43,6 +45,7 @@ class Moment:
     plan_settings: PlanSettings
     flight_settings: FlightSettings
     view_settings: ViewSettings
+    obstacles: tuple[PlacedObstacle, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ class Notice:
 
 
 @dataclass(frozen=True)
-class Session(PlaceState, PlanState, FlightState, ViewState):
+class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
     """Everything the app knows."""
 
     what: str
@@ -139,7 +142,8 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         opening = self.job is not None and self.job.kind is JobKind.OPEN and self.place is not None
         job = None if self.job is None or opening else self.job.id
         settings = self.choice, self.ends, self.plan_settings, self.flight_settings
-        return self.what, settings, self.alignment, self.aiming, self.runs.asked, self.experiments, self.jobs_begun, job
+        aims = self.alignment, self.aiming, self.obstacles
+        return self.what, settings, aims, self.runs.asked, self.experiments, self.jobs_begun, job
 
     @property
     def trouble(self) -> Notice | None:
@@ -159,20 +163,29 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
         return "" if self.place is None else self.place.field.info.made_by
 
     @property
+    def placed_obstacles(self) -> ObstacleSet | None:
+        """The obstacles in the place; None without any."""
+        return None if self.place is None else self.place.obstacles
+
+    @property
     def plan_is_stale(self) -> bool:
-        """True where ends, planner, settings, noise or world have changed since the plan was requested, or a draft was
-        replaced."""
+        """True where ends, planner, settings, noise, world or obstacles have changed since the plan was requested, or a
+        draft was replaced."""
         plan = self.plan
         if plan is None:
             return False
         flight, now = plan.flight, self.flight_settings
-        asked = self.ends, self.choice.planner, self.plan_settings, now.noise, now.world
+        asked = self.ends, self.choice.planner, self.plan_settings, now.noise, now.world, self.placed_obstacles
         replaced = plan.field_made_by not in ("", self.field_made_by)
-        return replaced or (plan.ends, plan.planner, plan.settings, flight.noise, flight.world) != asked
+        made = plan.ends, plan.planner, plan.settings, flight.noise, flight.world, plan.obstacles
+        return replaced or made != asked
 
     def new_plan(self, ends: Ends) -> PlanRecord:
         """Begin the record of a plan between `ends` with the settings of now."""
-        return PlanRecord(ends, self.choice.planner, self.plan_settings, self.flight_settings, self.field_made_by)
+        return PlanRecord(
+            ends, self.choice.planner, self.plan_settings, self.flight_settings, self.field_made_by,
+            self.placed_obstacles,
+        )  # fmt: skip
 
     @property
     def fresh_plan(self) -> PlanRecord | None:
@@ -199,7 +212,7 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
 
     @property
     def plan_follows_hand(self) -> bool:
-        """True where the plan is a moment behind a hand that drags an end."""
+        """True where the plan is a moment behind a hand that drags an end or an obstacle."""
         return self.held and self.plan is not None and self.plan.draft and not self.plan.refusal
 
     @property
@@ -225,8 +238,12 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
 
     @property
     def flight_is_stale(self) -> bool:
-        """True where start or goal have moved since the flight began."""
-        return self.flight is not None and self.flight.ends != self.ends
+        """True where start, goal or obstacles have moved since the flight."""
+        flight = self.flight
+        if flight is None:
+            return False
+        placed = flight.flown_by is not None and flight.obstacles != self.placed_obstacles
+        return placed or flight.ends != self.ends
 
     @property
     def flown_by(self) -> Hashable:
@@ -245,7 +262,7 @@ class Session(PlaceState, PlanState, FlightState, ViewState):
 
     @property
     def flight_is_shown(self) -> bool:
-        """True where a flight is shown in place of the plan: until start or goal move after it."""
+        """True where a flight is shown in place of the plan: until start, goal or obstacles move after it."""
         return self.flight is not None and bool(self.flight.steps) and (self.in_flight or not self.flight_is_stale)
 
     @property

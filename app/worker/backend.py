@@ -131,6 +131,7 @@ class NavigationBackend:
             seed=settings.seed,
             realtime=settings.realtime,
             operator=requests.take,
+            surroundings=requests.surroundings,
             source=session.what,
             task=session.task,
             out=None if self.runs is None else self.runs.new(place.name),

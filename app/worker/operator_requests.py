@@ -1,7 +1,7 @@
 """Operator requests of a flight that is under way, taken from the session: its goal, gusts, kidnapping, and searches.
 
-A kidnapped robot is moved to a free pose far away, and gets no notice of it. A gust is scaled to the clearance of the
-time step in which it pushes.
+The place with its obstacles is that of the session too. A kidnapped robot is moved to a free pose far away, and gets
+no notice of it. A gust is scaled to the clearance of the time step in which it pushes.
 """
 
 from dataclasses import replace
@@ -78,6 +78,7 @@ class SessionRequests:
         self._last: NavigationStep | None = None
         self._job = self._served = job
         self._generator = torch.Generator().manual_seed(job.id)
+        self._bare = place.without_obstacles().field
 
     def follow(self, session: Session) -> None:
         """Take the requests of the session; a goal counts once the robot is known to fit there."""
@@ -87,9 +88,16 @@ class SessionRequests:
         self._job = job
         if session.flight is not None and session.flight.steps:
             self._keep(session.flight.steps[-1])
+        place = session.place
+        if place is not None and place.without_obstacles().field is self._bare:
+            self._place = place
         goal = session.ends.goal
         if goal != self._goal and session.problems.get(EndRole.GOAL, "not known yet") is None:
             self._goal, self._goal_state = goal, goal.state()
+
+    def surroundings(self) -> Place:
+        """The place with its obstacles as they stand now."""
+        return self._place
 
     def watch(self, flight: JobEvents) -> JobEvents:
         """Relay the events of the flight, and note its last time step: the session hears of it later."""

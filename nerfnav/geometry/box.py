@@ -40,6 +40,20 @@ class Box(TensorStruct):
         """Mark points [m] that lie inside the box or on its border."""
         return ((points >= self.lower) & (points <= self.upper)).all(-1)
 
+    def grown(self, reach: float) -> "Box":
+        """The box with `reach` [m] more on each side."""
+        return Box(self.lower - reach, self.upper + reach)
+
+    def window(
+        self, first: Float[np.ndarray, "3"], spacing: Float[np.ndarray, "3"], shape: tuple[int, ...]
+    ) -> tuple[slice, slice, slice]:
+        """Find the nodes in the box of a grid of a `shape`, from `first` [m] on and `spacing` [m] apart."""
+        low = np.ceil((self.lower.double().numpy() - first) / spacing - 1e-6).astype(int).clip(0, shape)
+        high = np.floor((self.upper.double().numpy() - first) / spacing + 1e-6).astype(int)
+        high = high.clip(-1, np.array(shape) - 1)
+        x, y, z = (slice(int(a), max(int(a), int(b) + 1)) for a, b in zip(low, high, strict=True))
+        return x, y, z
+
     def describe(self) -> str:
         """The box as a user would read it, in metres."""
         pairs = zip("xyz", self.lower.tolist(), self.upper.tolist(), strict=True)

@@ -38,6 +38,8 @@ class OperatorRequests:
     """T_world_body to which the robot is moved at the end of this time step, before its picture."""
     search: bool = False
     """Whether to run global localization on the picture of this time step, even if nothing seems wrong."""
+    stack: "NavigationStack | None" = None
+    """Stack for this time step and all later ones, in a field that has changed; None: it stays."""
 
 
 @dataclass(frozen=True)

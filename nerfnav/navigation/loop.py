@@ -81,6 +81,7 @@ def navigate(
     flown = [step]
     while step.outcome is None:
         last, requests = step, request.operator()
+        flight = replace(flight, stack=requests.stack or flight.stack)
         goal = goal.replaced_by(requests.goal, last.index)
         now = act(last, requests, flight)
         if config.open_loop:

@@ -6,6 +6,7 @@
       - {name: post, cylinder: {radius: 0.1, height: 2}, position: [2, 1, 1]}
       - {name: wall, prism: {polygon: [[0, 0], [2, 0], [2, 0.1], [0, 0.1]], heights: [0, 1.5]}}
       - {name: chair, mesh: chair.stl, position: [3, 0, 0]}    # beside the file, closed, in m
+      - {name: stone, cut_out: {box: [1, 1, 2], position: [0, 0, 1]}, position: [2, 0, 1]}    # a part of the field
 
     motion: {way_points: {points: [[0, 0, 0], [2, 0, 0]], speed: 0.5, closed: true}}
     motion: {velocity: [0.2, 0, 0], max_speed: 0.5}
@@ -17,16 +18,17 @@ where it may be faster. `write_obstacles` writes files that are JSON and YAML at
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, structs
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import replace_file
 from nerfnav.formats import convert_record, read_entries
+from nerfnav.obstacles.cut_out import CutOut
 from nerfnav.obstacles.motions import (
     STILL,
     ConstantVelocity,
@@ -50,7 +52,7 @@ Rate = Annotated[float, Meta(ge=1e-4, le=1e4)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Lengths = tuple[Length, Length, Length]
 Share = Annotated[float, Meta(ge=0, le=1)]
-_SHAPES = ("box", "sphere", "cylinder", "prism", "mesh")
+_SHAPES = ("box", "sphere", "cylinder", "prism", "mesh", "cut_out")
 _MOTIONS = ("way_points", "velocity", "walk", "trefoil")
 
 
@@ -66,6 +68,15 @@ class PrismEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True)
 
     polygon: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=1000)]
     heights: tuple[Coordinate, Coordinate]
+
+
+class CutOutEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """Entry `cut_out`: a volume, and its pose where the part of the field was cut out."""
+
+    box: Lengths | None = None
+    sphere: Length | None = None
+    position: Point = (0.0, 0.0, 0.0)
+    rotation: Point = (0.0, 0.0, 0.0)
 
 
 class WayPointsEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -111,6 +122,7 @@ class ObstacleEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=Tr
     sphere: Length | None = None
     cylinder: CylinderEntry | None = None
     prism: PrismEntry | None = None
+    cut_out: CutOutEntry | None = None
     mesh: Annotated[str, Meta(min_length=1, max_length=4096, pattern="^[^\\x00\\ud800-\\udfff]*$")] | None = None
     position: Point = (0.0, 0.0, 0.0)
     rotation: Point = (0.0, 0.0, 0.0)
@@ -126,13 +138,52 @@ class ObstacleFile(msgspec.Struct, forbid_unknown_fields=True):
 
 def read_obstacles(path: Path) -> ObstacleSet:
     """Read the obstacles of a file. Raises InvalidInputError, with the key's path, for one that is impossible."""
+    return _set_of(_read_entries(path), path)
+
+
+def read_obstacle_entries(path: Path) -> tuple[ObstacleEntry, ...]:
+    """Read the entries of a file whose obstacles are possible; names and paths of meshes are whole.
+
+    Raises as `read_obstacles` does.
+    """
+    entries = _read_entries(path)
+    return tuple(
+        structs.replace(
+            entry, name=obstacle.name, mesh=None if entry.mesh is None else str((path.parent / entry.mesh).resolve())
+        )
+        for entry, obstacle in zip(entries, _set_of(entries, path).obstacles, strict=True)
+    )
+
+
+def format_obstacles(entries: Iterable[ObstacleEntry]) -> str:
+    """Write entries as the text of a file, JSON and YAML at once."""
+    lines = ",\n".join(json.dumps(msgspec.to_builtins(entry)) for entry in entries)
+    return f'{{"obstacles": [\n{lines}\n]}}\n'
+
+
+def obstacle_of(entry: ObstacleEntry) -> Obstacle:
+    """Make the obstacle of an entry whose mesh has its whole path. Raises InvalidInputError for an impossible one."""
+    return _obstacle_of(entry, entry.name, Path())
+
+
+def _read_entries(path: Path) -> list[ObstacleEntry]:
     documents = read_entries(path)
     if len(documents) > 1:
         raise InvalidInputError(f"{path} has {len(documents)} documents: put all obstacles into one")
     entries = convert_record(documents[0], ObstacleFile, path, strict=False).obstacles  # "1e-3" is a number, too
     if not 0 < len(entries) <= MOST:
         raise InvalidInputError(f"{path}: obstacles has {len(entries)} entries, 1 to {MOST} are needed")
-    found = tuple(_obstacle_of(entry, index, path) for index, entry in enumerate(entries))
+    return entries
+
+
+def _set_of(entries: list[ObstacleEntry], path: Path) -> ObstacleSet:
+    named = [
+        structs.replace(entry, name=entry.name.strip() or f"obstacle {index + 1}")
+        for index, entry in enumerate(entries)
+    ]
+    found = tuple(
+        _obstacle_of(entry, f"{path}: obstacles[{index}]", path.parent) for index, entry in enumerate(named)
+    )
     return _checked(f"{path}: obstacles", lambda: ObstacleSet(found))
 
 
@@ -141,14 +192,13 @@ def write_obstacles(obstacles: ObstacleSet, path: Path) -> tuple[Path, ...]:
 
     Raises InvalidInputError for a shape or a motion that files do not have.
     """
-    lines, meshes = [], dict[str, MeshShape]()
+    entries, meshes = list[ObstacleEntry](), dict[str, MeshShape]()
     for index, obstacle in enumerate(obstacles.obstacles):
-        entry = _entry_of(obstacle, f"{path.stem}-{index + 1}.ply")
+        entries.append(_entry_of(obstacle, f"{path.stem}-{index + 1}.ply"))
         if isinstance(obstacle.shape, MeshShape):
-            meshes[str(entry.mesh)] = obstacle.shape
-        lines.append(json.dumps(msgspec.to_builtins(entry)))
+            meshes[str(entries[-1].mesh)] = obstacle.shape
     with replace_file(path) as stream:
-        stream.write(("{\"obstacles\": [\n" + ",\n".join(lines) + "\n]}\n").encode())
+        stream.write(format_obstacles(entries).encode())
     for name, shape in meshes.items():
         with replace_file(path.parent / name) as stream:
             shape.surface.export(stream, file_type="ply")
@@ -170,6 +220,13 @@ def _entry_of(obstacle: Obstacle, mesh: str) -> ObstacleEntry:
             entry.cylinder = CylinderEntry(radius, height)
         case Prism(polygon, heights):
             entry.prism = PrismEntry(list(polygon), heights)
+        case CutOut(volume, position, rotation):
+            entry.cut_out = CutOutEntry(position=position, rotation=rotation)
+            match volume:
+                case BoxShape(extents):
+                    entry.cut_out.box = extents
+                case Sphere(radius):
+                    entry.cut_out.sphere = radius
         case MeshShape():
             entry.mesh = mesh
         case shape:
@@ -193,13 +250,11 @@ def _motion_entry_of(motion: Motion) -> MotionEntry | None:
             raise InvalidInputError(f"a {type(motion).__name__} cannot be written: files have {', '.join(_MOTIONS)}")
 
 
-def _obstacle_of(entry: ObstacleEntry, index: int, path: Path) -> Obstacle:
-    where = f"{path}: obstacles[{index}]"
-    name = entry.name.strip() or f"obstacle {index + 1}"
-    shape = _checked(where, lambda: _shape_of(entry, path.parent))
+def _obstacle_of(entry: ObstacleEntry, where: str, folder: Path) -> Obstacle:
+    shape = _checked(where, lambda: _shape_of(entry, folder))
     motion = _checked(f"{where}.motion", lambda: _motion_of(entry.motion))
     colored: dict[str, Any] = {} if entry.color is None else {"color": entry.color}
-    return _checked(where, lambda: Obstacle(name, shape, entry.position, entry.rotation, motion, **colored))
+    return _checked(where, lambda: Obstacle(entry.name, shape, entry.position, entry.rotation, motion, **colored))
 
 
 def _shape_of(entry: ObstacleEntry, folder: Path) -> Shape:
@@ -210,6 +265,11 @@ def _shape_of(entry: ObstacleEntry, folder: Path) -> Shape:
         return Sphere(entry.sphere)
     if entry.cylinder is not None:
         return Cylinder(entry.cylinder.radius, entry.cylinder.height)
+    if entry.cut_out is not None:
+        _require_one(entry.cut_out, ("box", "sphere"), "the volume of a cut-out")
+        volume = _shape_of(ObstacleEntry(box=entry.cut_out.box, sphere=entry.cut_out.sphere), folder)
+        assert isinstance(volume, BoxShape | Sphere)
+        return CutOut(volume, entry.cut_out.position, entry.cut_out.rotation)
     if entry.prism is not None:
         return Prism(tuple(entry.prism.polygon), entry.prism.heights)
     file = folder / str(entry.mesh)

@@ -6,25 +6,29 @@ With h the spacing of the nodes and s the distance of a node from an obstacle's 
 
 as for fields that are baked from meshes. Obstacles thinner than two nodes are as thick as that in the field, so that
 none slips between nodes. Nodes count as solid or free as their density says up to a node from the surface; all others
-are as they were.
+are as they were. Cut-outs (cut_out.py) take a part of the field along.
 """
 
 import math
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
 import trimesh
-from jaxtyping import Float, Int
-from torch import Tensor
+from jaxtyping import Int
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.memory import require_memory
-from nerfnav.field import Field, GridField, Occupancy, VoxelField
+from nerfnav.field import Field, GridField, Occupancy, Origin, VoxelField
 from nerfnav.field.core.occupancy import EMPTY_RAW, raw_of
 from nerfnav.field.models.bricks import CELLS, NODES, BrickField
+from nerfnav.geometry import Box
+from nerfnav.obstacles.cut_out import CutOut, Nodes, cut, move_parts, paste, states_of
 from nerfnav.obstacles.obstacle import Obstacle, ObstacleSet
+from nerfnav.obstacles.shapes import Points
 from nerfnav.world import Paint, Scene, paint_of
 
 _SLOPE, _DENSEST = 8.0, 2.0
@@ -45,19 +49,68 @@ def place_in_field(field: Field, obstacles: ObstacleSet) -> GridField:
     require_memory(1.0 * field.values.nbytes, "a copy of the field with obstacles", "make one with a larger --voxel")
     if isinstance(field, BrickField):
         return _in_bricks(field, obstacles)
-    values = field.values.clone()
-    states = None if field.evidence is None else field.evidence.clone()
-    for obstacle in obstacles.obstacles:
-        _write(_Nodes(values, states), field, obstacle, _region(field, obstacle))
-    return replace(field, values=values, evidence=states)
+    return replace_in_field(field, obstacles, field, ObstacleSet(()))
+
+
+def replace_in_field(field: VoxelField, obstacles: ObstacleSet, last: GridField, before: ObstacleSet) -> VoxelField:
+    """Place obstacles in a field as `place_in_field` does, beginning with a copy of `last`, the field with others.
+
+    What was derived of that is derived anew only where obstacles differ.
+    """
+    changed = {*obstacles.obstacles} ^ {*before.obstacles}
+    edits = _edits(field, obstacles.obstacles)
+    regions = [edit.region for edit in _edits(field, changed)]
+    affected = [edit for edit in edits if any(edit.region.meets(other) for other in regions)]
+    regions += [edit.region for edit in affected if edit.cuts]  # a cut takes out what stands there, too
+    nodes = Nodes(last.values.clone(), None if last.evidence is None else last.evidence.clone())
+    if field.evidence is None and any(edit.cuts for edit in edits):
+        nodes = replace(nodes, states=states_of(last))
+    for region in regions:
+        nodes.values[region.slices] = field.values[region.slices]
+        if nodes.states is not None:
+            nodes.states[region.slices] = states_of(field)[region.slices]
+    for edit in edits:
+        if any(edit.region.meets(other) for other in regions):
+            _write(nodes, field, edit)
+    if not regions:
+        return replace(field, values=nodes.values, evidence=nodes.states)
+    low = np.min([region.first for region in regions], 0) - 1
+    high = np.max([region.end for region in regions], 0)
+    lower, spacing = field.box.lower.double().numpy(), field.spacing.double().numpy()
+    origin = Origin(weakref.ref(last), Box.of(lower + low * spacing, lower + high * spacing))
+    return replace(field, values=nodes.values, evidence=nodes.states, origin=origin)
 
 
 @dataclass(frozen=True)
-class _Nodes:
-    """Nodes to write to, along with their states."""
+class _Edit:
+    """Change of the nodes in a region."""
 
-    values: Float[Tensor, "*nodes 4"]
-    states: Tensor | None
+    region: "_Region"
+    change: Callable[[Nodes, Points], Nodes]
+    """New values (n, 4) and states (n) of nodes at points (n, 3) [m]."""
+    cuts: bool = False
+    """Whether it takes something out; that comes before all else."""
+
+
+def _edits(field: GridField, obstacles: Iterable[Obstacle]) -> list[_Edit]:
+    """List the changes of a field by obstacles, in their order."""
+    cuts, others = list[_Edit](), list[_Edit]()
+    for obstacle in obstacles:
+        shape, region = obstacle.shape, _region(field, obstacle)
+        if isinstance(shape, CutOut):
+            cuts.append(_Edit(_region(field, shape.source), partial(_cut, shape), cuts=True))
+            others.append(_Edit(region, partial(_paste, field, obstacle)))
+        else:
+            others.append(_Edit(region, partial(_merge, field, obstacle)))
+    return [*cuts, *others]
+
+
+def _cut(shape: CutOut, nodes: Nodes, points: Points) -> Nodes:
+    return cut(nodes, shape, points)
+
+
+def _paste(field: GridField, obstacle: Obstacle, nodes: Nodes, points: Points) -> Nodes:
+    return paste(nodes, field, obstacle, points)
 
 
 @dataclass(frozen=True)
@@ -66,6 +119,10 @@ class _Region:
 
     first: Int[np.ndarray, "3"]
     end: Int[np.ndarray, "3"]
+
+    def meets(self, other: "_Region") -> bool:
+        """Check for common nodes."""
+        return bool((np.maximum(self.first, other.first) < np.minimum(self.end, other.end)).all())
 
     @property
     def slices(self) -> tuple[slice, ...]:
@@ -77,15 +134,22 @@ def _region(field: GridField, obstacle: Obstacle) -> _Region:
     lower, spacing = field.box.lower.double().numpy(), field.spacing.double().numpy()
     reach = _REACH * field.resolution + _thickening(obstacle, field.resolution)
     middle, half = boxes.centers[0, 0], boxes.halves[0]
-    size = field.box.size.double().numpy()
+    require_inside(field, obstacle)
+    first = np.floor((middle - half - reach - lower) / spacing).astype(int)
+    end = np.ceil((middle + half + reach - lower) / spacing).astype(int) + 1
+    return _Region(first.clip(0, field.shape), end.clip(0, field.shape))
+
+
+def require_inside(field: Field, obstacle: Obstacle) -> None:
+    """Raise InvalidInputError for an obstacle that lies outside the field's box."""
+    boxes = ObstacleSet((obstacle,)).boxes([0.0])
+    middle, half = boxes.centers[0, 0], boxes.halves[0]
+    lower, size = field.box.lower.double().numpy(), field.box.size.double().numpy()
     if (middle + half < lower).any() or (middle - half > lower + size).any():
         place = ", ".join(f"{axis} {at:.2f}" for axis, at in zip("xyz", middle, strict=True))
         raise InvalidInputError(
             f"the obstacle {obstacle.name!r} at {place} m lies outside the place, which is {field.box.describe()}"
         )
-    first = np.floor((middle - half - reach - lower) / spacing).astype(int)
-    end = np.ceil((middle + half + reach - lower) / spacing).astype(int) + 1
-    return _Region(first.clip(0, field.shape), end.clip(0, field.shape))
 
 
 def _thickening(obstacle: Obstacle, spacing: float) -> float:
@@ -94,25 +158,25 @@ def _thickening(obstacle: Obstacle, spacing: float) -> float:
     return max(0.0, spacing - 0.5 * float((own[1] - own[0]).min()))
 
 
-def _write(nodes: _Nodes, field: GridField, obstacle: Obstacle, region: _Region) -> None:
-    """Write an obstacle into the nodes of a dense grid."""
-    for x in range(int(region.first[0]), int(region.end[0])):  # a layer at a time, for its memory
-        some = _Region(np.array([x, *region.first[1:]]), np.array([x + 1, *region.end[1:]]))
+def _write(nodes: Nodes, field: GridField, edit: _Edit) -> None:
+    """Change nodes of a dense grid."""
+    lower, spacing = field.box.lower.double().numpy(), field.spacing.double().numpy()
+    for x in range(int(edit.region.first[0]), int(edit.region.end[0])):  # a layer at a time, for its memory
+        some = _Region(np.array([x, *edit.region.first[1:]]), np.array([x + 1, *edit.region.end[1:]]))
         axes = [np.arange(low, high) for low, high in zip(some.first, some.end, strict=True)]
         index = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
         part = nodes.values[some.slices].reshape(-1, 4)
         states = None if nodes.states is None else nodes.states[some.slices].reshape(-1)
-        written = _merged(_Nodes(part, states), field, obstacle, index)
+        written = edit.change(Nodes(part, states), lower + index * spacing)
         shape = tuple(len(axis) for axis in axes)
         nodes.values[some.slices] = written.values.reshape(*shape, 4)
         if nodes.states is not None and written.states is not None:
             nodes.states[some.slices] = written.states.reshape(shape)
 
 
-def _merged(nodes: _Nodes, field: GridField, obstacle: Obstacle, index: Int[np.ndarray, "n 3"]) -> _Nodes:
-    """Values (n, 4) and states (n) of nodes with the obstacle in them."""
+def _merge(field: GridField, obstacle: Obstacle, nodes: Nodes, points: Points) -> Nodes:
+    """Values (n, 4) and states (n) of nodes with a solid obstacle in them."""
     voxel = field.resolution
-    points = field.box.lower.double().numpy() + index * field.spacing.double().numpy()
     distance = obstacle.signed_distance(points) - _thickening(obstacle, voxel)
     share = torch.from_numpy(distance / voxel)
     raw = (raw_of(_SLOPE * math.log(2) / voxel) - _SLOPE * share).clamp(EMPTY_RAW, _DENSEST).to(nodes.values)
@@ -122,28 +186,30 @@ def _merged(nodes: _Nodes, field: GridField, obstacle: Obstacle, index: Int[np.n
     painted = denser & (share < _PAINTED)
     values[painted, 1:] = torch.tensor(obstacle.color, dtype=values.dtype)
     if nodes.states is None:
-        return _Nodes(values, None)
+        return Nodes(values, None)
     near = (share <= 0) | (denser & (share < 1) & (nodes.states == Occupancy.FREE))
-    return _Nodes(values, torch.where(near, int(Occupancy.SOLID), nodes.states).to(torch.uint8))
+    return Nodes(values, torch.where(near, int(Occupancy.SOLID), nodes.states).to(torch.uint8))
 
 
 def _in_bricks(field: BrickField, obstacles: ObstacleSet) -> BrickField:
     """Write into copies of the bricks that obstacles come near to, which may be shared by many blocks."""
-    slots, added = field.slots.clone(), dict[tuple[int, int, int], _Nodes]()
+    slots, added = field.slots.clone(), dict[tuple[int, int, int], Nodes]()
     corner = np.stack(np.meshgrid(*[np.arange(NODES)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    for obstacle in obstacles.obstacles:
-        for block in _blocks(field, _region(field, obstacle)):
+    lower, spacing = field.box.lower.double().numpy(), field.spacing.double().numpy()
+    edits = _edits(field, obstacles.obstacles)
+    evidence = states_of(field) if any(edit.cuts for edit in edits) else field.evidence
+    for edit in edits:
+        for block in _blocks(field, edit.region):
             slot = int(field.slots[block])
             known = added.get(block)
             if known is None:
-                states = None if field.evidence is None else field.evidence[slot].reshape(-1)
-                known = _Nodes(field.values[slot].reshape(-1, 4), states)
-            added[block] = _merged(known, field, obstacle, np.array(block) * CELLS + corner)
+                states = None if evidence is None else evidence[slot].reshape(-1)
+                known = Nodes(field.values[slot].reshape(-1, 4), states)
+            added[block] = edit.change(known, lower + (np.array(block) * CELLS + corner) * spacing)
     brick = (NODES, NODES, NODES)
     for number, block in enumerate(added):
         slots[block] = len(field.values) + number
     values = torch.cat([field.values, *(nodes.values.reshape(1, *brick, 4) for nodes in added.values())])
-    evidence = field.evidence
     if evidence is not None:
         more = [nodes.states.reshape(1, *brick) for nodes in added.values() if nodes.states is not None]
         evidence = torch.cat([evidence, *more])
@@ -161,7 +227,9 @@ def _blocks(field: BrickField, region: _Region) -> Iterator[tuple[int, int, int]
 
 def place_in_scene(scene: Scene, obstacles: ObstacleSet) -> Scene:
     """Return the ground truth with obstacles in it, where they are at time 0: in pictures and as solids."""
-    meshes = [obstacle.mesh() for obstacle in obstacles.obstacles]
+    scene = move_parts(scene, tuple(each for each in obstacles.obstacles if isinstance(each.shape, CutOut)))
+    added = [each for each in obstacles.obstacles if not isinstance(each.shape, CutOut)]
+    meshes = [obstacle.mesh() for obstacle in added]
     whole = [scene.mesh, *meshes]
     counts = np.cumsum([0, *(len(mesh.vertices) for mesh in whole)])
     faces = [np.asarray(mesh.faces) + first for mesh, first in zip(whole, counts[:-1], strict=True)]
@@ -169,7 +237,7 @@ def place_in_scene(scene: Scene, obstacles: ObstacleSet) -> Scene:
     paint = scene.paint or paint_of(scene.mesh)
     tints = [
         np.tile(np.rint(255 * np.array(obstacle.color)), (len(mesh.faces), 3, 1))
-        for obstacle, mesh in zip(obstacles.obstacles, meshes, strict=True)
+        for obstacle, mesh in zip(added, meshes, strict=True)
     ]
     count = sum(len(mesh.faces) for mesh in meshes)
     paint = Paint(

@@ -51,7 +51,8 @@ def test_yaml_and_json_are_read_alike(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["kept.json", "kept.yaml"])
 def test_what_is_written_is_read_again(name: str, tmp_path: Path) -> None:
     trimesh.creation.icosphere(subdivisions=1, radius=0.7).export(tmp_path / "chair.stl")
-    (tmp_path / "a.yaml").write_text(YAML)
+    stone = "  - {name: stone, cut_out: {box: [1, 1, 2], position: [0, 0, 1]}, position: [2, 0, 1]}\n"
+    (tmp_path / "a.yaml").write_text(YAML + stone)
     given, kept = read_obstacles(tmp_path / "a.yaml"), tmp_path / "kept"
     kept.mkdir()
     assert [path.name for path in write_obstacles(given, kept / name)] == [name, "kept-5.ply"]

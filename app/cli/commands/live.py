@@ -57,9 +57,10 @@ def run(arguments: Arguments) -> None:
         calibration.prepare()
     place = open_place(arguments.field, arguments.robot)
     if arguments.obstacles is not None:
-        from nerfnav_app.places.obstacles import open_with_obstacles, require_still  # slow to import, seldom needed
+        from nerfnav_app.places.obstacles import open_with_obstacles, read_standing  # slow to import, seldom needed
 
-        place = require_still(open_with_obstacles(place, arguments.obstacles), arguments.obstacles)
+        read_standing(arguments.obstacles)  # refuses those that move
+        place = open_with_obstacles(place, arguments.obstacles)
     camera = place.robot.camera if arguments.camera is None else read_camera(arguments.camera)
     navigator = Navigator(place.field, place.robot, camera, log=note)
     (x, y, z), (to_x, to_y, to_z) = place.field.box.lower.tolist(), place.field.box.upper.tolist()

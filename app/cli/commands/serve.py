@@ -56,17 +56,26 @@ def check(place: str) -> None:
         load_field(field_file(place))
 
 
+def check_obstacles(file: Path) -> None:
+    """Raise NerfnavError where a file of obstacles cannot be read, or one of them moves."""
+    from nerfnav_app.places.obstacles import read_standing
+
+    read_standing(file)
+
+
 _SWITCH_S = 0.001
 """Longest time that the worker keeps the interpreter from the page; a click needs it several times."""
 
 
-def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSurfaceLayer) -> None:
+def run_app(
+    what: str, host: str, port: int, token: str | None, surface: FieldSurfaceLayer, obstacles: Path | None
+) -> None:
     """Bring the app to the page, which shows the place already where it was shown before, and wait for its end."""
     with importing(for_good=True):
         from nerfnav_app.server import App
 
     sys.setswitchinterval(_SWITCH_S)
-    app = App(what, host, port, token, begun=surface, remembers=True)
+    app = App(what, host, port, token, begun=surface, remembers=True, obstacles=obstacles)
     try:
         app.start()  # Ctrl-C may come while the page is put up: its threads end before the server either way
         app.wait()
@@ -97,6 +106,8 @@ class Arguments:
     """Port to listen at."""
     token: Annotated[str | None, arg(metavar="SECRET")] = None
     """Secret of the visitors, as in http://HOST:PORT/?token=SECRET."""
+    obstacles: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Obstacles that stand in the place, in YAML or JSON; the page can move them."""
     open: bool = False
     """Open the page in this machine's browser."""
     json: bool = False
@@ -107,6 +118,8 @@ def run(arguments: Arguments) -> None:
     """Check what can be checked at once, serve, print the address."""
     if not comes_along(arguments.place):
         check(arguments.place)  # the app would open it later, on a page that may have no visitor
+    if arguments.obstacles is not None:
+        check_obstacles(arguments.obstacles)
     with contextlib.suppress(ValueError):  # in tests this is not the main thread, which alone hears signals
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
     stdout, interrupted = sys.stdout, False
@@ -120,7 +133,9 @@ def run(arguments: Arguments) -> None:
             stdout.flush()
             if arguments.open:
                 webbrowser.open(url)
-            run_app(arguments.place, arguments.host, arguments.port, arguments.token, surface)
+            run_app(
+                arguments.place, arguments.host, arguments.port, arguments.token, surface, arguments.obstacles
+            )
         except KeyboardInterrupt:
             interrupted = True  # the way to end a server
         finally:

@@ -10,6 +10,7 @@ from nerfnav.navigation import OperatorRequests
 from nerfnav.planner import PlanOutcome
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.jobs.plan.plan import PlanRequest
+from nerfnav_app.places.place import Place
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class FlyRequest:
     """Whether the world goes on while filter and planner compute."""
     operator: Callable[[], OperatorRequests] = OperatorRequests
     """Called once before each time step."""
+    surroundings: Callable[[], Place] | None = None
+    """Called before each time step: the place with its obstacles as they stand now; None: they stay."""
     source: str = ""
     """Scene name or field file that was opened, for the record; empty: the place's name."""
     task: str | None = None
@@ -66,6 +69,7 @@ class OperatorRecorder:
             "a gust": requests.gust is not None,
             "a kidnapping": requests.kidnap_pose is not None,
             "a search": requests.search,
+            "other obstacles": requests.stack is not None,
         }
         self.made += tuple(kind for kind, asked in kinds.items() if asked and kind not in self.made)
         return requests

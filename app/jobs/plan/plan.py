@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from nerfnav.core.errors import InvalidInputError, require_positive, require_probability, require_share
+from nerfnav.core.errors import InvalidInputError, OccupiedError, require_positive, require_probability, require_share
 from nerfnav.estimator import ColorNoise, ConsiderCovariance
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import (
@@ -39,8 +39,8 @@ from nerfnav.planner import (
 from nerfnav.robots import Motion, NoiseModel
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summary_of
-from nerfnav_app.places.derived import build_occupancy, planning_robot, prepare_route
-from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.derived import build_occupancy, is_only_unproven, planning_robot, prepare_route
+from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder
@@ -227,10 +227,21 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
 
     This is the first plan of a flight by the same request. Its ends are on the floor already, as both jobs see to it.
     """
+    try:
+        return (yield from _plan_steps(request, place))
+    except OccupiedError as error:
+        for which in EndRole if request.unknown is UnknownSpace.OCCUPIED else ():
+            if str(error).startswith(f"the {which.value} ") and is_only_unproven(place, request.ends.of(which).state()):
+                known = str(error).replace("is in occupied space", "is in unproven space")
+                raise OccupiedError(known, error.nearest) from error
+        raise
+
+
+def _plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
+    if request.draft:
+        return (yield from _draft_in(request, place))
     occupancy = _map_for(request, place)
     planner, _ = make_planner(request, place, occupancy)
-    if request.draft:
-        return (yield from _draft(request, planner))
     planning, robot = prepare_route(place, request.unknown, request.height), planning_robot(place.robot, request.world)
     route = Route(request.ends.start.state(), request.ends.goal.state(), request.steps, request.dt)
     objective = make_yaw_objective(
@@ -259,6 +270,22 @@ def _map_for(request: PlanRequest, place: Place) -> OccupancyMap:
     """Return the map of the request's searches, which remembers the last one."""
     planning = prepare_route(place, request.unknown, request.height)
     return build_occupancy(planning, request.settings.occupancy, request.height).remembering()
+
+
+def _draft_in(request: PlanRequest, place: Place) -> PlanSteps:
+    """Plan a draft; among obstacles at first on the map without them, which is there already: where the last plan can
+    be bent around them, no path is searched."""
+    if place.bare is not None and request.warm_start is not None:
+        planner, _ = make_planner(request, place, _map_for(request, place.without_obstacles()))
+        try:
+            found = yield from _draft(request, planner)
+        except OccupiedError:  # an obstacle stands on an end, which the map of all obstacles explains
+            pass
+        else:
+            if found.outcome in (*FLYABLE, PlanOutcome.OVER_LIMITS):
+                return found
+    planner, _ = make_planner(request, place, _map_for(request, place))
+    return (yield from _draft(request, planner))
 
 
 def _draft(request: PlanRequest, planner: Planner) -> PlanSteps:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import viser
 import viser.transforms as tf
 
-from nerfnav_app.places.surface_glb import Corner, clip_and_fade, read_box
+from nerfnav_app.places.surface_glb import Corner, clip_and_fade, read_box, split_glb
 from nerfnav_app.places.vantage import FOV, View, view_of_box
 from nerfnav_app.state.view import Backdrop, ViewSettings, to_point
 
 if TYPE_CHECKING:
+    from nerfnav.obstacles import CutOut
     from nerfnav_app.state.alignment import Correction
     from nerfnav_app.state.session import Session
 
@@ -23,7 +24,7 @@ class FieldSurfaceLayer:
     def __init__(self, server: viser.ViserServer, surface: bytes | None = None) -> None:
         """Show `surface` at once, before there is a session."""
         self.server = server
-        self._shown: tuple[bytes | None, float, float] | None = None
+        self._shown: tuple[bytes | None, float, float, tuple[CutOut, ...]] | None = None
         self._node: viser.GlbHandle | None = None
         self._framed: tuple[Corner, Corner] | None = None
         self._viewed: View | None = None
@@ -46,7 +47,8 @@ class FieldSurfaceLayer:
                 look(self.server, session.view)
         elif session.surface is not None and session.surface is not self.surface:  # before there is a field
             self._frame(read_box(session.surface))
-        self._draw(session.surface, session.view_settings)
+        cuts = tuple(shape for placed in session.visible_obstacles if (shape := placed.cut_out) is not None)
+        self._draw(session.surface, session.view_settings, cuts)
         if self._node is not None:
             lay(self._node, session.alignment.now)
 
@@ -56,10 +58,14 @@ class FieldSurfaceLayer:
             self._framed = box
             look(self.server, first_view(box))
 
-    def _draw(self, surface: bytes | None, settings: ViewSettings) -> None:
-        before, self._shown = self._shown, (surface, settings.opacity, settings.clip)
+    def _draw(self, surface: bytes | None, settings: ViewSettings, cuts: "tuple[CutOut, ...]" = ()) -> None:
+        """Draw a surface without the parts that were cut out of it."""
+        before, self._shown = self._shown, (surface, settings.opacity, settings.clip, cuts)
         if self._shown != before:
-            self._put(None if surface is None else clip_and_fade(surface, settings.opacity, settings.clip))
+            drawn = None if surface is None else clip_and_fade(surface, settings.opacity, settings.clip)
+            for shape in cuts:
+                drawn = None if drawn is None else split_glb(drawn, shape, inside=False)
+            self._put(drawn)
         if self._node is not None:
             self._node.visible = settings.backdrop is Backdrop.SURFACE
 

@@ -6,6 +6,7 @@ raw and rgb are trilinear between the nodes.
 """
 
 import math
+import weakref
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -39,6 +40,23 @@ G = TypeVar("G", bound="GridField")
 KernelGrid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Field from which another one differs in a box alone: what was derived of it is derived anew there alone."""
+
+    reference: "weakref.ref[GridField]"
+    """The field, for as long as others need it."""
+    box: Box
+    """Part in which they differ [m]."""
+
+
+def origin_of(field: object) -> "tuple[GridField, Box] | None":
+    """Return the field from which this one differs in a box alone, and the box; None where there is none any more."""
+    origin = field.origin if isinstance(field, GridField) else None
+    before = None if origin is None else origin.reference()
+    return None if origin is None or before is None else (before, origin.box)
+
+
 @dataclass(frozen=True)
 class GridField(ABC):
     """A radiance field between the nodes of a regular grid."""
@@ -55,6 +73,8 @@ class GridField(ABC):
     """Surroundings of the box; None where rays that leave it see the background."""
     evidence: UInt8[Tensor, "*nodes"] | None = None
     """Occupancy of each node that is kept (see field/core/occupancy.py); None where it was never determined."""
+    origin: Origin | None = field(default=None, compare=False, repr=False)
+    """Field from which this one differs in a box alone; None where that is not known."""
 
     @property
     @abstractmethod
@@ -92,11 +112,24 @@ class GridField(ABC):
         if self.evidence is None:
             return self
         require_memory(1.0 * self.values.nbytes, "the field as planners take it", "make one with a larger --voxel")
+        before = origin_of(self)
+        if before is not None:
+            return self._planned_from(*before, unknown)
         values = self.values.clone()
         layers = max(1, _AT_ONCE // max(1, math.prod(values.shape[1:-1])))
         for part, states in zip(values.split(layers), self.evidence.split(layers), strict=True):
             part[..., 0] = planning_raw(part[..., 0], states, unknown)
         return replace(self, values=values)
+
+    def _planned_from(self, last: "GridField", box: Box, unknown: UnknownSpace) -> "GridField":
+        """The field as planners take it, where it differs from another dense grid in a box alone."""
+        planned = last.planning_view(unknown)
+        values, states = planned.values.clone(), self.evidence
+        part = box.window(self.box.lower.double().numpy(), self.spacing.double().numpy(), self.shape)
+        values[part] = self.values[part]
+        if states is not None:
+            values[part][..., 0] = planning_raw(self.values[part][..., 0], states[part], unknown)
+        return replace(self, values=values, origin=Origin(weakref.ref(planned), box))
 
     def to(self: G, device: torch.device | str) -> G:
         """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""

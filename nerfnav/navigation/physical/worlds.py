@@ -67,9 +67,12 @@ def reserve_control_authority(robot: Robot) -> Robot:
     return careful
 
 
-def compensate_latency(stack: NavigationStack, simulator: Simulator) -> NavigationStack:
+def compensate_latency(
+    stack: NavigationStack, simulator: Simulator, last: NavigationStack | None = None
+) -> NavigationStack:
     """Add latency compensation to the estimator in the physical world; return the stack unchanged in the paper's.
 
+    With a `last` stack, whose field has changed in flight, the compensation goes on with its inertial belief.
     Raises InvalidInputError for an estimator whose beliefs inertial measurements cannot propagate.
     """
     if not isinstance(simulator, PhysicalSimulator):
@@ -79,6 +82,9 @@ def compensate_latency(stack: NavigationStack, simulator: Simulator) -> Navigati
             f"{type(stack.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), "
             "and in the physical world inertial measurements move beliefs: fly it in the paper's world"
         )
+    if last is not None and isinstance(last.estimator, LatencyCompensation):
+        last.estimator.estimator = stack.estimator
+        return replace(stack, estimator=last.estimator)
     late = LatencyCompensation(stack.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
     return replace(stack, estimator=late)
 

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from nerfnav.field import Field
+from nerfnav.field import Field, origin_of
 from nerfnav.planner.kernels import terms as kernels
 from nerfnav.planner.risk.configuration_space import CSpace, require_map_memory
 from nerfnav.planner.risk.tracking_error import Deviation, RiskContext, tracking_deviations
@@ -99,7 +99,7 @@ def relative_cost(chances: CollisionMap, occupancy: OccupancyMap, weight: float)
     return weight * chances.sample_voxels(occupancy)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=6)
 def _blur(field: Field, robot: Robot, height: float | None, deviations: tuple[Deviation, ...]) -> CollisionMap:
     space = cached_c_space(field, robot, height)
     if height is None and len(space.by_heading) > 1:
@@ -117,14 +117,25 @@ def _blur(field: Field, robot: Robot, height: float | None, deviations: tuple[De
         np.dtype(np.float32).itemsize * math.prod(shape),
         f"at {math.prod(shape[2:]):,} points in {len(by_axis)} steps with {headings} headings",
     )
-    chances = np.empty(shape, np.float32)  # filled one by one: it may take most of the memory
+    before = origin_of(field) if height is None else None
+    if before is None:
+        chances = np.empty(shape, np.float32)  # filled one by one: it may take most of the memory
+        changed = [slice(None)] * blurred
+    else:
+        chances = _blur(before[0], robot, None, deviations).chances.copy()
+        around = before[1].grown(robot.body.radius + _TAIL * by_axis.max() + 2 * spacing.max())
+        changed = around.window(lower, spacing, shape[2:])
     for layer, along_axes in zip(chances, by_axis, strict=True):
         weights = [
-            _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))
-            for at, step, count, deviation in zip(places[:blurred], space.spacing, counts, along_axes, strict=False)
+            _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))[part]
+            for at, step, count, deviation, part in zip(
+                places[:blurred], space.spacing, counts, along_axes, changed, strict=False
+            )
         ]
+        near = [_used(along) for along in weights]
         for turned, blocked in zip(layer, space.by_heading, strict=True):
-            turned[:] = _layer(blocked, weights)
+            part = blocked[tuple(near)]
+            turned[tuple(changed)] = _layer(part, [along[:, used] for along, used in zip(weights, near, strict=True)])
     if height is not None:  # the same at whatever height
         chances, lower[2] = np.repeat(chances, 3, -1), lower[2] - spacing[2]
     return CollisionMap(chances, lower, 1 / spacing)
@@ -161,7 +172,16 @@ def _weights(places: Float[np.ndarray, " m"], count: int, deviation: float) -> F
     return np.diff(below).astype(np.float32)
 
 
-@lru_cache(maxsize=2)
+def _used(weights: Float[np.ndarray, "m n"]) -> slice:
+    """Find the nodes that have a weight anywhere."""
+    used = np.flatnonzero((weights != 0).any(0))
+    return slice(int(used[0]), int(used[-1]) + 1) if len(used) else slice(0, 0)
+
+
+@lru_cache(maxsize=3)
 def cached_c_space(field: Field, robot: Robot, height: float | None) -> CSpace:
     """Compute the obstacles of a robot in a field, once for all covariances; see `CSpace.of`."""
+    before = origin_of(field) if height is None else None
+    if before is not None:
+        return cached_c_space(before[0], robot, None).updated(field, robot.body, before[1])
     return CSpace.of(field, robot.body, height)

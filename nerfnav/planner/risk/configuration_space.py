@@ -16,6 +16,7 @@ from torch import Tensor
 
 from nerfnav.core.memory import require_memory
 from nerfnav.field import Field, GridField
+from nerfnav.geometry import Box
 from nerfnav.planner.space.occupancy import (
     OccupancyConfig,
     OccupancyMap,
@@ -51,6 +52,8 @@ class CSpace:
     """The first node [m]."""
     spacing: Float[np.ndarray, "3"]
     """Distance of nodes [m]."""
+    sampled: bool = True
+    """False for those of an occupancy map, in a field that is slow or too coarse to be sampled."""
 
     @classmethod
     def of(cls, field: Field, body: Body, height: float | None = None) -> "CSpace":
@@ -69,7 +72,7 @@ class CSpace:
         voxel = max(scales.width / _FEWEST, grain, affordable)
         coarse = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel, samples_per_voxel=1), height)
         lower, spacing = coarse.box.lower.double().cpu().numpy(), coarse.spacing.double().numpy()
-        return cls(coarse.dense.numpy(), lower, spacing)
+        return cls(coarse.dense.numpy(), lower, spacing, sampled=False)
 
     def clearance(self, path: Float[np.ndarray, "n 3"], most: float) -> float:
         """Measure the least distance of places from an obstacle with any heading, and from the border [m], at most
@@ -102,13 +105,30 @@ class CSpace:
         headings = headings_of(OccupancyConfig(), scales)
         count = math.prod(len(axis) for axis in axes)
         require_map_memory(count * (_BYTES + len(headings)), f"at {count:,} points {side:.3g} m apart")
-        columns = _dense(field, axes, scales)
         if height is None:
-            columns = pooled(columns, round(0.5 * body.extents[2] / tall))
-        else:
-            columns = columns.amax(-1, keepdim=True)
+            return cls(_marked(field, body, axes, spacing), lower, spacing)
+        columns = _dense(field, axes, scales).amax(-1, keepdim=True)
         marked = covered(columns.numpy(), 1, _outlines(body, headings, spacing), spacing[:2])
         return cls(marked, lower, spacing)
+
+    def updated(self, field: Field, body: Body, box: Box) -> "CSpace":
+        """Compute the obstacles of a body in a field that differs from this one's in a box alone."""
+        shape = self.by_heading.shape[1:]
+        if not self.sampled:
+            return CSpace.of(field, body)
+        changed = box.grown(body.radius + float(self.spacing.max())).window(self.lower, self.spacing, shape)
+        around = box.grown(2 * body.radius + 2 * float(self.spacing.max())).window(self.lower, self.spacing, shape)
+        axes = [
+            torch.from_numpy(low + step * np.arange(count))[part]
+            for low, step, count, part in zip(self.lower, self.spacing, shape, around, strict=True)
+        ]
+        inner = tuple(
+            slice(part.start - first.start, part.stop - first.start)
+            for part, first in zip(changed, around, strict=True)
+        )
+        known = self.by_heading.copy()
+        known[(slice(None), *changed)] = _marked(field, body, axes, self.spacing)[(slice(None), *inner)]
+        return CSpace(known, self.lower, self.spacing)
 
 
 def _dividing(length: float, most: float) -> float:
@@ -121,6 +141,16 @@ def _dense(field: Field, axes: list[Tensor], scales: Scales) -> UInt8[Tensor, "n
     """Mark the dense points of a grid, given along each axis [m]; a slab at a time, to save memory."""
     slabs = [torch.meshgrid(x, *axes[1:], indexing="ij") for x in axes[0].split(_SLAB)]
     return torch.cat([dense_at(field, torch.stack(slab, -1), scales.threshold) for slab in slabs])
+
+
+def _marked(
+    field: Field, body: Body, axes: list[Tensor], spacing: Float[np.ndarray, "3"]
+) -> Bool[np.ndarray, "h nx ny nz"]:
+    """Mark the points of a grid at which the body covers something dense, with each heading."""
+    scales = OccupancyConfig().scales(field, body)
+    columns = pooled(_dense(field, axes, scales), round(0.5 * body.extents[2] / float(spacing[2])))
+    outlines = _outlines(body, headings_of(OccupancyConfig(), scales), spacing)
+    return covered(columns.numpy(), 1, outlines, spacing[:2])
 
 
 def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:

@@ -16,8 +16,7 @@ from nerfnav_app.page.panels.status.status import needs_confirmation, status
 from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import EndFitQuery
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, make_plan, plan_request
-from nerfnav_app.queries.more_time import MoreTimeQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, MoreTimeQuery, SessionPlan, make_plan, plan_request
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.state import actions as m

@@ -124,7 +124,7 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool, old: str = 
     if not outcome and not flying:
         outcome = note("Stopped before the goal.")
     mark = caution(f"These are the numbers of the flight with the old {old}.") if old else ""
-    remark = warning("Start or goal have moved since this flight.") if stale else ""
+    remark = warning("Start, goal or obstacles have moved since this flight.") if stale else ""
     return mark + table(rows) + outcome + remark
 
 

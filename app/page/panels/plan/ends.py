@@ -75,7 +75,7 @@ def describe(session: Session) -> str:
     """Describe the state of the ends as HTML."""
     if session.seeking:
         return note("Searching for start and goal…")
-    if session.aiming is not None:
+    if isinstance(session.aiming, EndRole):
         return note(f"Click into the scene to place the {session.aiming.value}.")
     if session.outside:
         return note("The typed numbers are outside of the place: correct them, or drag the end.")

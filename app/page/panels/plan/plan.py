@@ -22,7 +22,7 @@ from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH, readable
 from nerfnav_app.page.kit.widgets import Binder, ChoiceList
 from nerfnav_app.page.panels.plan.planner_comparison import PlannerComparison
 from nerfnav_app.queries.clearance import ClearanceQuery
-from nerfnav_app.queries.more_time import MoreTimeQuery
+from nerfnav_app.queries.following_plan import MoreTimeQuery
 from nerfnav_app.state.actions import Command, Settings
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import NO_TRAJECTORY, CostHistory, PlanRecord

@@ -7,7 +7,7 @@ import viser
 
 from nerfnav.planner import PlanOutcome
 from nerfnav_app.page.kit.widgets import post_on
-from nerfnav_app.queries.more_time import MoreTimeQuery
+from nerfnav_app.queries.following_plan import MoreTimeQuery
 from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import AllowTime, RestoreWeights

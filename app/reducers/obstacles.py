@@ -1,0 +1,62 @@
+"""Reducer of obstacles: choose, change, copy, separate and delete them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.obstacles import MOST
+from nerfnav_app.reducers.common import add_notice
+from nerfnav_app.state import obstacles as o
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
+
+_NAME = 100
+"""Longest name of an obstacle."""
+
+
+def command_obstacles(session: Session, command: o.ObstacleAction) -> Session:
+    """Reduce a command on obstacles; one that is not there any more is left alone."""
+    match command:
+        case o.ChooseObstacle(name):
+            return replace(session, chosen=name)
+        case o.ChooseMode(mode):
+            return replace(session, gizmo_mode=mode)
+        case o.DeleteObstacle(name):
+            return replace(session, obstacles=tuple(each for each in session.obstacles if each.name != name))
+    placed = session.obstacle_named(command.name)
+    if placed is None:
+        return replace(session, held=False)
+    if isinstance(command, o.ChangeObstacle):
+        return _change(session, placed, command)
+    if isinstance(command, o.SeparateObstacle):
+        part = placed.separated(o.free_name(session.obstacles, "part"))
+        known = tuple(part if each is placed else each for each in session.obstacles)
+        return replace(session, obstacles=known, chosen=part.name) if placed.selects else session
+    x, y, z = placed.entry.position
+    low, high = placed.obstacle.span(np.eye(3))
+    name = o.free_name(session.obstacles, placed.name.rstrip("0123456789 ") or placed.name)
+    return add_obstacle(session, placed.changed(name=name, position=(x + 1.2 * float(high[0] - low[0]), y, z)))
+
+
+def add_obstacle(session: Session, placed: o.PlacedObstacle) -> Session:
+    """Add an obstacle, and choose it; add a notice where there are too many."""
+    if len(session.obstacles) >= MOST:
+        return add_notice(session, "Not placed", f"There are {MOST} obstacles already: delete some first.", bad=True)
+    return replace(session, obstacles=(*session.obstacles, placed), chosen=placed.name)
+
+
+def _change(session: Session, placed: o.PlacedObstacle, command: o.ChangeObstacle) -> Session:
+    name, changed = command.changed.name.strip()[:_NAME], command.changed
+    taken = name != placed.name and session.obstacle_named(name) is not None
+    if taken or not name:
+        wrong = f"another obstacle is named {name!r}: give each a name of its own" if taken else "a name has letters"
+        return add_notice(session, "Not renamed", sentence(wrong), bad=True)
+    try:
+        changed = changed if name == changed.name else changed.changed(name=name)
+        assert changed.obstacle
+    except InvalidInputError as error:
+        return add_notice(replace(session, held=False), "Not changed", sentence(str(error)), bad=True)
+    known = tuple(changed if each is placed else each for each in session.obstacles)
+    chosen = name if session.chosen == placed.name else session.chosen
+    return replace(session, obstacles=known, chosen=chosen, held=command.held)

@@ -1,0 +1,124 @@
+"""Obstacles of the page in its place: where a click lands, what is left out, and what is asked again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nerfnav.robots import RigidState
+from nerfnav_app.places.ends import End, EndRole
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.end_fit import check_fit
+from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.placed_obstacles import ObstacleLandingQuery, ObstaclesPlaced, PlacedObstaclesQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.state import actions as m
+from nerfnav_app.state import obstacles as o
+from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.place import Click
+from nerfnav_app.state.session import Session
+from tests.app.doubles import balls_place
+from tests.app.sessions import after, planned
+
+PLACE = balls_place()
+BOX = o.new_obstacle(o.ObstacleKind.BOX, "box 1", 0.2, (0.0, 0.6, 0.4))
+
+
+def answered(session: Session) -> Session:
+    """The session after its obstacles were placed."""
+    (asked,) = PlacedObstaclesQuery.pending(session)
+    assert session.place is not None
+    return after(session, m.QueryAnswered(asked, asked.answer(Resources(session.place))))
+
+
+def with_obstacles(session: Session, *placed: o.PlacedObstacle) -> Session:
+    return replace(session, place=PLACE, obstacles=placed)
+
+
+@pytest.mark.parametrize(
+    ("origin", "along", "side"),
+    [
+        ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (0, 0, 1)),
+        ((0.0, 2.0, 0.3), (0.0, -1.0, 0.0), (0, 1, 0)),
+        ((0.05, 0.02, 2.0), (0.0, 0.0, -1.0), (0, 0, 1)),
+    ],
+)
+def test_a_click_lets_an_obstacle_touch_what_its_ray_meets(
+    origin: tuple[float, float, float], along: tuple[float, float, float], side: tuple[float, float, float]
+) -> None:
+    click = Click(o.ObstacleKind.BOX, Ray(origin, along))
+    found = ObstacleLandingQuery(click, o.ObstacleKind.BOX, "box 1").answer(Resources(PLACE))
+    assert found is not None and found.entry.box is not None
+    size = found.entry.box[0]
+    assert size == pytest.approx(2.5 * max(PLACE.robot.body.extents))
+    middle = np.array([0, 0, 0.3])  # of a ball of 20 cm
+    reached = (np.array(found.entry.position) - middle) @ side - 0.5 * size
+    assert reached == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_click_into_the_void_places_nothing() -> None:
+    click = Click(o.ObstacleKind.BOX, Ray((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
+    assert ObstacleLandingQuery(click, o.ObstacleKind.BOX, "box 1").answer(Resources(PLACE)) is None
+
+
+def test_obstacles_are_placed_once_and_taken_out_again(opened: Session) -> None:
+    session = with_obstacles(opened, BOX)
+    placed = answered(session)
+    assert placed.placed_obstacles is not None and placed.place is not None
+    assert placed.place.field is not PLACE.field and placed.place.without_obstacles().field is PLACE.field
+    assert not [query for query in pending_queries(placed) if isinstance(query, PlacedObstaclesQuery)]
+    hidden = answered(replace(placed, obstacles=(replace(BOX, hidden=True),)))
+    assert hidden.placed_obstacles is None and hidden.place is not None and hidden.place.field is PLACE.field
+
+
+def test_obstacles_that_cannot_be_placed_are_left_out_with_a_sentence(opened: Session) -> None:
+    outside = BOX.changed(name="far", position=(9, 0, 0))
+    moving = BOX.changed(name="bus", motion={"velocity": (1, 0, 0)})
+    session = answered(with_obstacles(opened, BOX, outside, moving))
+    result = PlacedObstaclesQuery.result_in(session)
+    assert result is not None and set(result.problems) == {"far", "bus"}
+    assert "'far' at x 9.00" in result.problems["far"] and "'bus' moves" in result.problems["bus"]
+    assert session.placed_obstacles is not None and len(session.placed_obstacles.obstacles) == 1
+    assert not [query for query in pending_queries(session) if isinstance(query, PlacedObstaclesQuery)]
+
+
+def test_none_is_dropped_on_a_robot_that_flies() -> None:
+    result = PlacedObstaclesQuery((BOX,), RigidState.at_rest(BOX.entry.position)).answer(Resources(PLACE))
+    assert "'box 1' is where the robot flies" in result.problems["box 1"] and result.place.obstacles is None
+
+
+def test_an_end_in_an_obstacle_is_a_sentence_with_the_nearest_free_point(opened: Session) -> None:
+    place = answered(with_obstacles(opened, BOX)).place
+    assert place is not None
+    fit = check_fit(place, EndRole.GOAL, End((0.02, 0.6, 0.4)))
+    assert fit.problem is not None and "the goal is where the obstacle 'box 1' stands" in fit.problem
+    assert fit.offer is not None
+
+
+def test_a_plan_is_asked_again_where_an_obstacle_was_placed(opened: Session) -> None:
+    session = planned(replace(opened, place=PLACE))
+    assert session.fresh_plan is not None
+    moved = answered(replace(session, obstacles=(BOX,)))
+    assert moved.plan_is_stale
+    (asked,) = FollowingPlanQuery.pending(moved)
+    assert asked.record.obstacles == moved.placed_obstacles and asked.record.draft, "it is to be seen at once"
+    drafted = replace(moved, plan=asked.record)
+    (judged,) = FollowingPlanQuery.pending(drafted)
+    assert not judged.record.draft and judged.record.obstacles == moved.placed_obstacles
+
+
+def test_while_a_hand_drags_the_plan_follows_before_the_obstacle_is_placed_again(opened: Session) -> None:
+    session = planned(replace(opened, place=PLACE, obstacles=(BOX,)))
+    session = after(session, o.ChangeObstacle("box 1", BOX.changed(position=(0.1, 0.6, 0.4)), held=True))
+    assert isinstance(pending_queries(session)[0], PlacedObstaclesQuery)
+    placed = answered(session)
+    placed = after(placed, o.ChangeObstacle("box 1", BOX.changed(position=(0.2, 0.6, 0.4)), held=True))
+    first, second = pending_queries(placed)[:2]
+    assert isinstance(first, FollowingPlanQuery) and first.record.draft and isinstance(second, PlacedObstaclesQuery)
+
+
+def test_a_place_that_was_opened_meanwhile_is_kept(opened: Session) -> None:
+    (asked,) = PlacedObstaclesQuery.pending(with_obstacles(opened, BOX))
+    other = replace(opened, place=balls_place(), obstacles=(BOX,))
+    result = asked.answer(Resources(PLACE))
+    assert isinstance(result, ObstaclesPlaced) and after(other, m.QueryAnswered(asked, result)).place is other.place

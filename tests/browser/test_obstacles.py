@@ -1,0 +1,182 @@
+"""A person puts something in the way, drags it, and takes it away again."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nerfnav.field import UnknownSpace
+from nerfnav.robots import Motion
+from nerfnav_app.page.layers.obstacles import HANDLES, SIZES
+from nerfnav_app.places.ends import End, EndRole
+from nerfnav_app.queries.placed_obstacles import PlacedObstaclesQuery
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Adjust, MoveEnd, Settings, StartPlan
+from nerfnav_app.state.obstacles import ChangeObstacle, GizmoMode, ObstacleKind, PlacedObstacle
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.backend import NavigationBackend
+from tests.browser.in_page import POSITION
+from tests.browser.tab import Tab
+from tests.browser.test_following import with_field
+
+Serve = Callable[..., App]
+OpenTab = Callable[[App], Tab]
+TOP_OF_BALL = (0.0, 0.0, 0.5)
+"""Point of the first ball, between start and goal [m]."""
+HALF_HEIGHT = 0.02
+"""Of the robot [m]."""
+
+
+def add_box(tab: Tab, at: tuple[float, float, float]) -> PlacedObstacle:
+    """Drop a box where a click meets something."""
+    count = len(tab.app.session.obstacles)
+    tab.press("obstacles.add", "box")
+    tab.until(lambda: tab.app.session.aiming is not None, "the page does not wait for a click")
+    tab.click_at(at)
+    tab.until(lambda: len(tab.app.session.obstacles) > count, "no box was dropped")
+    tab.until_shown()
+    tab.until(lambda: tab.is_visible(HANDLES), "it has no handles")
+    return tab.app.session.obstacles[-1]
+
+
+def drag_box(tab: Tab, axis: int, distance: float) -> None:
+    """Drag the arrow of the chosen obstacle along an axis [m]."""
+    placed = tab.app.session.chosen_obstacle
+    assert placed is not None
+    size = float(np.diff(placed.obstacle.span(np.eye(3)), axis=0).max())
+    tab.until_shown()
+    at, along = np.array(tab.page.evaluate(POSITION, HANDLES)), np.eye(3)[axis]
+    grip = at + 0.8 * SIZES[GizmoMode.MOVE] * size * along
+    tab.drag(grip, grip + distance * along)
+    tab.until(lambda: not tab.app.session.held, "the hand does not let go")
+
+
+def drag_box_to(tab: Tab, point: np.ndarray) -> None:
+    """Drag the chosen obstacle to a point, along one axis after the other [m]."""
+    for axis in range(3):
+        placed = tab.app.session.chosen_obstacle
+        assert placed is not None
+        distance = float(point[axis] - placed.entry.position[axis])
+        if abs(distance) > 0.04:
+            drag_box(tab, axis, distance)
+
+
+def gap(session: Session, motion: Motion) -> float:
+    """Distance of a motion's middle line from the obstacles of the page [m]; negative inside."""
+    placed = session.placed_obstacles
+    assert placed is not None
+    path = motion.states.position.double().numpy()
+    finer = np.stack([np.interp(np.linspace(0, 1, 400), np.linspace(0, 1, len(path)), axis) for axis in path.T], 1)
+    return float(placed.signed_distance(finer).min())
+
+
+def plan_of(session: Session) -> Motion:
+    """The plan of a session."""
+    assert session.plan is not None and session.plan.latest is not None
+    return session.plan.latest.motion
+
+
+def until_around(tab: Tab) -> None:
+    """Wait until a good plan leads around what the page shows."""
+    session = lambda: tab.app.session  # noqa: E731
+    tab.until(lambda: session().placed_obstacles is not None, "nothing is placed")
+    tab.until(lambda: not list(PlacedObstaclesQuery.pending(session())) or _is_placed(session()), "it is not placed")
+    tab.until_planned()
+    assert gap(session(), plan_of(session())) > HALF_HEIGHT, "the plan leads through an obstacle"
+
+
+def _is_placed(session: Session) -> bool:
+    return all(query.is_answered(session) for query in PlacedObstaclesQuery.pending(session))
+
+
+def test_a_plan_gives_way_to_a_box_that_is_dropped_and_dragged_and_undo_takes_it_away(
+    serve: Serve, open_tab: OpenTab
+) -> None:
+    app, tab = with_field(serve, open_tab)
+    first = plan_of(app.session)
+    box = add_box(tab, TOP_OF_BALL)
+    assert box.name == "box 1" and box.entry.box is not None
+    until_around(tab)
+    drag_box_to(tab, first.states.position[len(first.actions) // 2].numpy())
+    until_around(tab)
+    assert gap(app.session, first) < -HALF_HEIGHT, "the box does not stand in the way"
+    assert app.session.plan is not None and "safety" in app.session.plan.summary, "nobody has judged the plan"
+    tab.press("obstacles.mode", "Scale")
+    tab.until(lambda: app.session.gizmo_mode is GizmoMode.SCALE, "the handles still move it")
+    tab.press("obstacles.copy")
+    tab.until(lambda: len(app.session.obstacles) == 2, "no copy was made")
+    names = [placed.name for placed in app.session.obstacles]
+    assert names == ["box 1", "box 2"] and app.session.chosen == "box 2"
+    tab.press("obstacles.delete")
+    tab.until(lambda: len(app.session.obstacles) == 1, "the copy was not deleted")
+    text = tab.download("obstacles.save").read_text()
+    assert text.startswith('{"obstacles": [\n{"name": "box 1"')
+    for _ in range(len(app.session.history.past)):
+        tab.key("Control+z")
+    tab.until(lambda: not app.session.history.past and app.session.obstacles == (), "not all was undone")
+    tab.until(lambda: app.session.placed_obstacles is None, "the box is still in the map")
+    tab.until_planned()
+    assert (plan_of(app.session).states.position - first.states.position).abs().max() < 0.05, "it is another plan"
+
+
+def test_a_box_that_is_dropped_during_a_flight_is_flown_around(serve: Serve, open_tab: OpenTab) -> None:
+    app, tab = with_field(serve, open_tab)
+    first = plan_of(app.session)
+    tab.press("status.next.start_flight")
+    tab.until(lambda: app.session.flight is not None and len(app.session.flight.steps) > 1, "it does not fly")
+    tab.key(" ")
+    tab.until(lambda: app.session.job is not None and app.session.job.paused, "it does not hold")
+    add_box(tab, TOP_OF_BALL)
+    drag_box_to(tab, first.states.position[2 * len(first.actions) // 3].numpy())
+    tab.until(lambda: _is_placed(app.session), "it is not placed in flight")
+    assert gap(app.session, first) < -HALF_HEIGHT, "the box does not stand in the way"
+    flight = app.session.flight
+    assert flight is not None
+    at = len(flight.steps)
+    tab.key(" ")
+    tab.until_idle()
+    flight, placed = app.session.flight, app.session.placed_obstacles
+    assert flight is not None and flight.outcome is not None and flight.outcome.name == "REACHED"
+    assert placed is not None and not app.session.flight_is_stale
+    truth = np.stack([step.truth.position.double().numpy() for step in flight.steps[at:]])
+    assert placed.signed_distance(truth).min() > HALF_HEIGHT
+
+
+STONE = np.array([0.74, -0.665, 0.19])
+"""Middle of a stone of Stonehenge [m]: 16 x 15 cm wide, from the ground to 34 cm."""
+
+
+def test_a_stone_that_is_cut_out_leaves_unproven_space_until_that_is_allowed(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(NavigationBackend(runs=None), what="stonehenge")
+    tab = open_tab(app)
+    tab.until(lambda: app.session.surface is not None, "no surface is shown", 120)
+    tab.press("obstacles.cut", "box volume")
+    tab.until(lambda: isinstance(app.session.aiming, ObstacleKind), "the page does not wait for a click")
+    tab.click_at((float(STONE[0]), float(STONE[1]), float(STONE[2])))
+    tab.until(lambda: bool(app.session.obstacles), "no volume was placed")
+    volume = app.session.obstacles[0]
+    assert volume.selects and app.session.placed_obstacles is None
+    x, y, z = STONE.tolist()
+    app.post(ChangeObstacle(volume.name, volume.changed(box=(0.24, 0.24, 0.33), position=(x, y, z))))
+    tab.until_shown()
+    tab.press("obstacles.separate")
+    tab.until(lambda: app.session.placed_obstacles is not None, "it was not cut out", 60)
+    assert [placed.name for placed in app.session.obstacles] == ["part 1"]
+    drag_box(tab, 1, -0.4)
+    tab.until(lambda: _is_placed(app.session), "it was not moved")
+    assert app.session.obstacles[0].entry.position[1] < y - 0.25, "the hand did not move it"
+
+    app.post(MoveEnd(EndRole.GOAL, End((x, y, 0.16))))
+    tab.until(lambda: app.session.problems.get(EndRole.GOAL), "the goal counts as free in unproven space")
+    assert "unproven" in str(app.session.problems[EndRole.GOAL]), app.session.problems
+    tab.press("status.next.start_plan")
+    tab.until(lambda: app.session.trouble is not None, "a plan leads through what nobody saw", 120)
+    assert app.session.trouble is not None and "is in unproven space" in app.session.trouble.body
+    assert app.session.fresh_plan is None
+    app.post(Adjust(Settings.PLAN, "unknown", UnknownSpace.FREE))
+    tab.until(lambda: app.session.problems.get(EndRole.GOAL, "?") is None, "there is no room in the gap", 60)
+    app.post(StartPlan())
+    tab.until_planned(120)
+    for _ in range(len(app.session.history.past)):
+        tab.key("Control+z")
+    tab.until(lambda: not app.session.history.past and app.session.obstacles == (), "not all was undone")
+    tab.until(lambda: app.session.placed_obstacles is None, "the stone is not back in the map")
