@@ -1,6 +1,6 @@
 """Tests mirror the tree. `check` is what pytest's jaxtyping option checks types and shapes of nerfnav with."""
 
-from beartype import BeartypeConf, beartype
+from tests.shape_checks import check as check
+from tests.shape_checks import use
 
-check = beartype(conf=BeartypeConf(is_pep484_tower=True))
-"""beartype, with integers welcome where floats are asked for."""
+use()

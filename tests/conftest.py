@@ -12,6 +12,7 @@ import torch
 # isort: on
 
 from nerfnav.core.kernel_cache import cache_folder
+from tests.shape_checks import begin_test
 
 # Tests are many small operations, often beside other busy processes: more threads only wait for each other.
 torch.set_num_threads(1)
@@ -28,6 +29,11 @@ def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("NERFNAV_RUNS", str(tmp_path_factory.mktemp("shelf")))
         patch.setenv("NERFNAV_PLACES", str(tmp_path_factory.mktemp("places")))
         yield
+
+
+def pytest_runtest_setup() -> None:
+    """Check types and shapes of the first calls of each function in the test."""
+    begin_test()
 
 
 _LONG = ("tests/browser/", "tests/test_wheel.py::")
