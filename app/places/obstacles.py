@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -22,9 +23,11 @@ from nerfnav.obstacles import (
     replace_in_field,
 )
 from nerfnav.robots import RigidState, Robot
-from nerfnav.world import Scene
 from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.place import Place, Truth
+
+if TYPE_CHECKING:
+    from nerfnav.world import Scene  # slow to import
 
 
 def open_with_obstacles(place: Place, path: Path) -> Place:
@@ -79,7 +82,7 @@ def place_obstacles(place: Place, obstacles: ObstacleSet, last: Place | None = N
         load_bare = truth.load
 
         @cache
-        def load() -> Scene:
+        def load() -> "Scene":
             return place_in_scene(load_bare(), standing)
 
         truth = Truth(truth.tasks, load)

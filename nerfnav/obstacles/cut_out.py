@@ -8,10 +8,10 @@ So a part that is pasted where it was gives the field of before; what it leaves 
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -22,7 +22,11 @@ from nerfnav.field.models.bricks import CELLS, BrickField
 from nerfnav.obstacles.motions import Vector
 from nerfnav.obstacles.obstacle import Obstacle
 from nerfnav.obstacles.shapes import BoxShape, Distances, Points, Sphere
-from nerfnav.world import Paint, Scene, paint_of
+
+if TYPE_CHECKING:  # slow to import
+    import trimesh
+
+    from nerfnav.world import Scene
 
 _SAMPLES, _THIN = 24, 1.0
 """Samples of a volume along each axis, and a density that is next to nothing [1/m]."""
@@ -52,7 +56,7 @@ class CutOut:
         """Largest projection onto each direction [m]."""
         return self.volume.support(directions)
 
-    def mesh(self) -> trimesh.Trimesh:
+    def mesh(self) -> "trimesh.Trimesh":
         """Closed mesh of the volume."""
         return self.volume.mesh()
 
@@ -125,7 +129,7 @@ def require_part(field: Field, obstacle: Obstacle) -> None:
         raise InvalidInputError(f"the volume of {obstacle.name!r} holds nothing of the place: move it onto something")
 
 
-def move_parts(scene: Scene, cut_outs: tuple[Obstacle, ...]) -> Scene:
+def move_parts(scene: "Scene", cut_outs: tuple[Obstacle, ...]) -> "Scene":
     """Move the parts of a ground truth within the volumes of cut-outs to where these are at time 0.
 
     Solids are cut at the surface of a volume, faces of the visible mesh go with their middles.
@@ -137,7 +141,11 @@ def move_parts(scene: Scene, cut_outs: tuple[Obstacle, ...]) -> Scene:
     return scene
 
 
-def _move_part(scene: Scene, shape: CutOut, obstacle: Obstacle) -> Scene:
+def _move_part(scene: "Scene", shape: CutOut, obstacle: Obstacle) -> "Scene":
+    import trimesh
+
+    from nerfnav.world import Paint, paint_of
+
     turn = obstacle.attitude @ shape.source.attitude.T
     shift = np.array(obstacle.position) - turn @ np.array(shape.position)
     volume, solids = shape.source.mesh(), list[trimesh.Trimesh]()

@@ -14,10 +14,10 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Int
 
 from nerfnav.core.errors import InvalidInputError
@@ -29,7 +29,9 @@ from nerfnav.geometry import Box
 from nerfnav.obstacles.cut_out import CutOut, Nodes, cut, move_parts, paste, states_of
 from nerfnav.obstacles.obstacle import Obstacle, ObstacleSet
 from nerfnav.obstacles.shapes import Points
-from nerfnav.world import Paint, Scene, paint_of
+
+if TYPE_CHECKING:
+    from nerfnav.world import Scene  # slow to import
 
 _SLOPE, _DENSEST = 8.0, 2.0
 """Rise of raw density in a node's spacing towards the inside, and the largest one."""
@@ -225,8 +227,12 @@ def _blocks(field: BrickField, region: _Region) -> Iterator[tuple[int, int, int]
         yield x, y, z
 
 
-def place_in_scene(scene: Scene, obstacles: ObstacleSet) -> Scene:
+def place_in_scene(scene: "Scene", obstacles: ObstacleSet) -> "Scene":
     """Return the ground truth with obstacles in it, where they are at time 0: in pictures and as solids."""
+    import trimesh
+
+    from nerfnav.world import Paint, paint_of
+
     scene = move_parts(scene, tuple(each for each in obstacles.obstacles if isinstance(each.shape, CutOut)))
     added = [each for each in obstacles.obstacles if not isinstance(each.shape, CutOut)]
     meshes = [obstacle.mesh() for obstacle in added]

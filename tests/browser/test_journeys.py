@@ -36,9 +36,9 @@ def plan_fly_export(tab: Tab) -> Session:
     tab.press("status.next.start_plan")
     tab.until_planned(_FLY_S)
     tab.until(lambda: tab.button("status.next.start_flight").is_visible(), "nothing offers to fly")
-    risky = app.session.fresh_plan is not None and app.session.fresh_plan.is_risky
+    asked = app.session.doubtful_plan is not None
     tab.press("status.next.start_flight")
-    if risky:
+    if asked:
         tab.press("status.anyway")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", _FLY_S)
     flown = app.session

@@ -147,7 +147,7 @@ def _interpolate(
     """Interpolate linearly at the places of a grid, which are nodes along each axis, one axis after the other."""
     for axis, places in enumerate(axes):
         below = np.clip(places.astype(int), 0, values.shape[axis] - 2)
-        rest = (places - below).astype(np.float32).reshape(np.where(np.arange(3) == axis, -1, 1))
+        rest = (places - below).clip(0, 1).astype(np.float32).reshape(np.where(np.arange(3) == axis, -1, 1))
         first, second = (np.take(values, nodes, axis) for nodes in (below, below + 1))
         values = first + rest * (second - first)
     return values

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
-from PIL import Image
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
@@ -124,6 +123,8 @@ def _enlarged(picture: np.ndarray) -> np.ndarray:
     height, width, _ = picture.shape
     scale = _LONGER / max(height, width)
     size = max(1, round(scale * width)), max(1, round(scale * height))
+    from PIL import Image  # slow to import
+
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BILINEAR))
 
 

@@ -38,7 +38,7 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
         (["experiment", "replanning", "--truth"], "drop --truth"),
         (["experiment", "replanning", "--trials", "-1"], "nerfnav: --trials must be 1 or more, not -1"),
         (["experiment", "nothing", "--truth"], "there is no experiment named 'nothing'"),
-        (["experiment", "timing", "--jobs", "2"], "drop --jobs"),
+        (["experiment", "timing", "--jobs", "2"], "leave out --jobs and --ray"),
         (["experiment", "timing", "--fly-on"], "takes no options of whole flights"),
         (["experiment", "all"], "name it with --out"),
         (["experiment", "all", "--trials", "-1", "--out", "all"], "nerfnav: --trials must be 1 or more, not -1"),
