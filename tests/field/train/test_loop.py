@@ -98,7 +98,7 @@ def test_fields_of_what_is_learned_so_far_can_be_planned_in_and_change_nothing()
 
 @pytest.mark.slow
 def test_from_the_given_share_on_only_colours_are_learned():
-    config = replace(CONFIG, iterations=40, rays=256, firm_from=0.3, field_every=1e-3)
+    config = replace(CONFIG, iterations=40, rays=256, firm_from=0.3, field_every=1e-9)
     steps, last = run(config)
     fields = [*(step.so_far for step in steps if step.fraction > 0.8 and step.so_far is not None), last]
     assert len(fields) > 5
