@@ -19,7 +19,6 @@ from .edit.mesh_bake import bake_mesh as bake_mesh
 from .edit.move import move_field as move_field
 from .models.analytic import BallsField as BallsField
 from .models.grid_field import GridField as GridField
-from .models.grid_field import Origin as Origin
 from .models.grid_field import origin_of as origin_of
 from .models.levels import build_levels as build_levels
 from .models.mlp import MlpConfig as MlpConfig

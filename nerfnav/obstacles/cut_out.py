@@ -71,7 +71,7 @@ class Nodes:
     """Occupancy; None where it was never determined."""
 
 
-def cut(nodes: Nodes, shape: CutOut, points: Points) -> Nodes:
+def cut(shape: CutOut, nodes: Nodes, points: Points) -> Nodes:
     """Take what is in the volume out of nodes (n) at `points` [m]; what it leaves behind is unproven."""
     assert nodes.states is not None, "fields with cut-outs have states"
     left = torch.from_numpy(shape.source.signed_distance(points) <= 0) & (nodes.states != Occupancy.FREE)
@@ -80,7 +80,7 @@ def cut(nodes: Nodes, shape: CutOut, points: Points) -> Nodes:
     return Nodes(values, states)
 
 
-def paste(nodes: Nodes, field: GridField, obstacle: Obstacle, points: Points) -> Nodes:
+def paste(field: GridField, obstacle: Obstacle, nodes: Nodes, points: Points) -> Nodes:
     """Put the part of a `field` into nodes (n) at `points` [m], where the obstacle is at time 0."""
     shape = obstacle.shape
     assert isinstance(shape, CutOut) and nodes.states is not None

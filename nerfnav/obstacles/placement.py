@@ -10,7 +10,6 @@ are as they were. Cut-outs (cut_out.py) take a part of the field along.
 """
 
 import math
-import weakref
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,7 +21,7 @@ from jaxtyping import Int
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.memory import require_memory
-from nerfnav.field import Field, GridField, Occupancy, Origin, VoxelField
+from nerfnav.field import Field, GridField, Occupancy, VoxelField
 from nerfnav.field.core.occupancy import EMPTY_RAW, raw_of
 from nerfnav.field.models.bricks import CELLS, NODES, BrickField
 from nerfnav.geometry import Box
@@ -67,10 +66,11 @@ def replace_in_field(field: VoxelField, obstacles: ObstacleSet, last: GridField,
     nodes = Nodes(last.values.clone(), None if last.evidence is None else last.evidence.clone())
     if field.evidence is None and any(edit.cuts for edit in edits):
         nodes = replace(nodes, states=states_of(last))
+    states = None if nodes.states is None else states_of(field)
     for region in regions:
         nodes.values[region.slices] = field.values[region.slices]
-        if nodes.states is not None:
-            nodes.states[region.slices] = states_of(field)[region.slices]
+        if nodes.states is not None and states is not None:
+            nodes.states[region.slices] = states[region.slices]
     for edit in edits:
         if any(edit.region.meets(other) for other in regions):
             _write(nodes, field, edit)
@@ -79,8 +79,8 @@ def replace_in_field(field: VoxelField, obstacles: ObstacleSet, last: GridField,
     low = np.min([region.first for region in regions], 0) - 1
     high = np.max([region.end for region in regions], 0)
     lower, spacing = field.box.lower.double().numpy(), field.spacing.double().numpy()
-    origin = Origin(weakref.ref(last), Box.of(lower + low * spacing, lower + high * spacing))
-    return replace(field, values=nodes.values, evidence=nodes.states, origin=origin)
+    placed = replace(field, values=nodes.values, evidence=nodes.states)
+    return placed.differing_from(last, Box.of(lower + low * spacing, lower + high * spacing))
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class _Edit:
     change: Callable[[Nodes, Points], Nodes]
     """New values (n, 4) and states (n) of nodes at points (n, 3) [m]."""
     cuts: bool = False
-    """Whether it takes something out; that comes before all else."""
+    """True if it takes something out; that comes before all else."""
 
 
 def _edits(field: GridField, obstacles: Iterable[Obstacle]) -> list[_Edit]:
@@ -100,19 +100,11 @@ def _edits(field: GridField, obstacles: Iterable[Obstacle]) -> list[_Edit]:
     for obstacle in obstacles:
         shape, region = obstacle.shape, _region(field, obstacle)
         if isinstance(shape, CutOut):
-            cuts.append(_Edit(_region(field, shape.source), partial(_cut, shape), cuts=True))
-            others.append(_Edit(region, partial(_paste, field, obstacle)))
+            cuts.append(_Edit(_region(field, shape.source), partial(cut, shape), cuts=True))
+            others.append(_Edit(region, partial(paste, field, obstacle)))
         else:
             others.append(_Edit(region, partial(_merge, field, obstacle)))
     return [*cuts, *others]
-
-
-def _cut(shape: CutOut, nodes: Nodes, points: Points) -> Nodes:
-    return cut(nodes, shape, points)
-
-
-def _paste(field: GridField, obstacle: Obstacle, nodes: Nodes, points: Points) -> Nodes:
-    return paste(nodes, field, obstacle, points)
 
 
 @dataclass(frozen=True)

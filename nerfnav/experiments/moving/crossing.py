@@ -38,7 +38,7 @@ from nerfnav.world import Task
 PACES = (0.3, 0.6, 1.0)
 """Speeds of the box, as shares of the plan's mean speed."""
 KNOWS = ("alone", "unaware", "unmasked", "announced")
-"""What the robot knows, see above."""
+"""Knowledge of the robot, see above."""
 _SIZE = 2.5
 """Edge of the box in lengths of the robot."""
 _TRIALS = 50

@@ -73,8 +73,9 @@ class GridField(ABC):
     """Surroundings of the box; None where rays that leave it see the background."""
     evidence: UInt8[Tensor, "*nodes"] | None = None
     """Occupancy of each node that is kept (see field/core/occupancy.py); None where it was never determined."""
-    origin: Origin | None = field(default=None, compare=False, repr=False)
-    """Field from which this one differs in a box alone; None where that is not known."""
+    origin: Origin | None = field(default=None, init=False, compare=False, repr=False)
+    """Field from which this one differs in a box alone; None where that is not known. It is no argument: a copy with
+    other values does not have it."""
 
     @property
     @abstractmethod
@@ -129,7 +130,12 @@ class GridField(ABC):
         values[part] = self.values[part]
         if states is not None:
             values[part][..., 0] = planning_raw(self.values[part][..., 0], states[part], unknown)
-        return replace(self, values=values, origin=Origin(weakref.ref(planned), box))
+        return replace(self, values=values).differing_from(planned, box)
+
+    def differing_from(self: G, before: "GridField", box: Box) -> G:
+        """Note that this new field differs from another one in a box alone [m], and return it."""
+        object.__setattr__(self, "origin", Origin(weakref.ref(before), box))
+        return self
 
     def to(self: G, device: torch.device | str) -> G:
         """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""

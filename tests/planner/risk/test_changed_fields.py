@@ -28,13 +28,26 @@ def test_what_is_derived_of_a_changed_field_is_as_if_made_anew(
     then = ObstacleSet((BALL, Obstacle("box", BoxShape((0.2, 0.3, 0.2)), place, (0.0, 0.2, 0.4))))
     last = place_in_field(bare, first)
     changed = replace_in_field(bare, then, last, first)  # type: ignore[arg-type]
-    whole = replace(place_in_field(bare, then), origin=None)
+    whole = replace(place_in_field(bare, then))
     before, seen, anew = (planning_field(each, UnknownSpace.OCCUPIED) for each in (last, changed, whole))
     assert origin_of(seen) is not None and origin_of(anew) is None and origin_of(before) is not seen
     torch.testing.assert_close(seen.values, anew.values)  # type: ignore[attr-defined]
     assert np.array_equal(cached_c_space(seen, body, None).by_heading, CSpace.of(anew, body.body).by_heading)
     known, made = (CollisionMap.of(each, body, RiskContext()).chances for each in (seen, anew))
     np.testing.assert_allclose(known, made, atol=1e-6)
+
+
+def test_a_copy_with_other_values_is_no_changed_field() -> None:
+    bare, box = balls_place().field, ObstacleSet((Obstacle("box", BoxShape((0.2, 0.3, 0.2)), (0.0, 0.6, 0.4)),))
+    placed = replace_in_field(bare, box, bare, ObstacleSet(()))  # type: ignore[arg-type]
+    assert origin_of(placed) is not None
+    filled = placed.values.clone()
+    filled[:, :, 0, 0] = 10.0
+    floored = replace(placed, values=filled)  # as holes of a floor are closed
+    robot = load("quadrotor")
+    cached_c_space(placed, robot, None)
+    assert origin_of(floored) is None
+    assert np.array_equal(cached_c_space(floored, robot, None).by_heading, CSpace.of(floored, robot.body).by_heading)
 
 
 def test_the_window_of_a_box_has_the_nodes_in_it() -> None:
