@@ -44,6 +44,7 @@ from .state import TANGENT as TANGENT
 from .state import VELOCITY as VELOCITY
 from .state import Motion as Motion
 from .state import RigidState as RigidState
+from .state import divide_steps as divide_steps
 from .state import interpolate_poses as interpolate_poses
 from .surface import BodySurface as BodySurface
 from .thrust import thrust_and_attitude as thrust_and_attitude

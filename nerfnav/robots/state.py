@@ -98,14 +98,26 @@ def interpolate_poses(
 
     Return them with the indices at which the given states stand among them.
     """
-    before, after = states[:-1], states[1:]
-    turn = so3.local(before.rotation, after.rotation)
-    way = (after.position - before.position).norm(dim=-1)
+    turn = so3.local(states[:-1].rotation, states[1:].rotation)
+    way = states.position.diff(dim=0).norm(dim=-1)
     parts = torch.maximum(way / spacing, turn.norm(dim=-1) / rotation_spacing)
-    counts = parts.ceil().clamp_min(1).long()
+    return _blend(states, turn, parts.ceil().clamp_min(1).long())
+
+
+def divide_steps(states: RigidState, parts: int) -> RigidState:
+    """Interpolate states, batch shape (n,), in so many equal parts between neighbours: straight lines, steady turns."""
+    turn = so3.local(states[:-1].rotation, states[1:].rotation)
+    return _blend(states, turn, torch.full((len(turn),), parts))[0]
+
+
+def _blend(
+    states: RigidState, turn: Float[Tensor, "n_1 3"], counts: Int[Tensor, " n_1"]
+) -> tuple[RigidState, Int[Tensor, " n"]]:
+    """Interpolate in each step as many equal parts as its count; return the given states' indices, too."""
+    before, after = states[:-1], states[1:]
     segment = torch.arange(len(counts)).repeat_interleave(counts)
     starts = torch.cat([torch.zeros(1, dtype=torch.long), counts.cumsum(0)])
-    share = ((torch.arange(len(segment)) - starts[segment]) / counts[segment])[:, None].to(way)
+    share = ((torch.arange(len(segment)) - starts[segment]).to(turn) / counts[segment].to(turn))[:, None]
 
     def blend(first: Tensor, second: Tensor) -> Tensor:
         return first[segment] + share * (second - first)[segment]

@@ -13,10 +13,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from nerfnav.geometry import so3
 from nerfnav.obstacles import Obstacle
 from nerfnav.planner.kernels.movers import box_gaps
-from nerfnav.robots import Body, RigidState
+from nerfnav.robots import Body, RigidState, divide_steps
 
 Points = Float[np.ndarray, "n 3"]
 _APART = 0.03
@@ -84,7 +83,7 @@ class Movers:
             return np.full(steps, np.inf)
         fastest = float(states.position.diff(dim=0).norm(dim=-1).max()) + self.speed_bound * dt
         parts = min(_MOST_PARTS, max(1, int(np.ceil(fastest / _APART))))
-        poses = _poses_between(states, parts)
+        poses = divide_steps(states.map(lambda part: part.detach().double()), parts)
         times = time + dt / parts * np.arange(steps * parts + 1)
         boxes = self.boxes(times, body)
         gaps = boxes.gaps(poses.position.double().cpu().numpy())
@@ -99,18 +98,3 @@ class Movers:
         within = np.lib.stride_tricks.sliding_window_view(least, parts + 1)[::parts]
         return within.min(-1)
 
-
-def _poses_between(states: RigidState, parts: int) -> RigidState:
-    """Interpolate states in equal parts of each step: straight lines, steady turns."""
-    states = RigidState(*(part.detach().double() for part in (
-        states.position, states.velocity, states.rotation, states.body_rate,
-    )))  # fmt: skip
-    index = torch.arange((len(states.position) - 1) * parts)
-    step, share = index // parts, (index % parts)[:, None].double() / parts
-    before, after = states[:-1][step], states[1:][step]
-    turn = so3.local(before.rotation, after.rotation)
-    between = RigidState(
-        before.position + share * (after.position - before.position), before.velocity,
-        so3.retract(before.rotation, share * turn), before.body_rate,
-    )  # fmt: skip
-    return RigidState.cat([between, states[-1:]])
