@@ -10,7 +10,7 @@ graze; the best few then compete with the full J, and the winner goes on alone.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TypeVar
@@ -116,11 +116,7 @@ def plan_fast(
     guesses = paths_between(problem, config.initial, known, config.ways)
     if not guesses.leads:
         return _Desk(problem, guesses.trajectories[0], config).here().end(PlanOutcome.NO_PATH)
-
-    def guess(longer: PlanProblem) -> FirstGuesses:
-        return paths_between(longer, config.initial, known, config.ways)
-
-    return (yield from improve_or_wait(problem, guesses, config, guess))
+    return (yield from improve_or_wait(problem, guesses, config, known))
 
 
 def replan_fast(problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None) -> PlanSteps:
@@ -160,11 +156,11 @@ def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: 
 
 
 def improve_or_wait(
-    problem: PlanProblem, guesses: FirstGuesses, config: FastPlanConfig, guess: Callable[[PlanProblem], FirstGuesses]
+    problem: PlanProblem, guesses: FirstGuesses, config: FastPlanConfig, occupancy: OccupancyMap
 ) -> PlanSteps:
     """Improve first guesses; where movers are touched, try again with more time for waiting, as far as that helps.
 
-    `guess` makes the guesses of the same problem with more steps. Yields as `improve` does.
+    Paths for more time are searched in the map. Yields as `improve` does.
     """
     found = first = yield from improve(problem, (*guesses.trajectories, *guesses.timed), config)
     tries = _TRIES if problem.movers is not None else 0
@@ -172,7 +168,7 @@ def improve_or_wait(
         if found.outcome is not PlanOutcome.IN_COLLISION or tries == 0:
             break
         longer = replace(problem, steps=problem.steps + math.ceil(seconds / problem.dt))
-        if waiting := guess(longer).timed:
+        if waiting := paths_between(longer, config.initial, occupancy, config.ways).timed:
             found = yield from count_on(improve(longer, waiting, config), found.iteration + 1)
             tries -= 1
     return first if found.outcome is PlanOutcome.IN_COLLISION else found

@@ -165,11 +165,7 @@ def _plan_anew(
     count = 0 if kept is None else kept.iteration + 1
     if kept is not None and not guesses.leads:
         return replace(kept, iteration=count, restart=reason)
-
-    def guess(longer: PlanProblem) -> FirstGuesses:
-        return paths_between(longer, config.initial, known, config.ways)
-
-    found = yield from count_on(improve_or_wait(problem, guesses, config, guess), count, reason)
+    found = yield from count_on(improve_or_wait(problem, guesses, config, known), count, reason)
     if kept is None or not found.cost.total >= kept.cost.total:
         return found if guesses.leads else replace(found, outcome=PlanOutcome.NO_PATH)
     return replace(kept, iteration=found.iteration, restart=reason)
