@@ -7,7 +7,7 @@ from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
 from nerfnav.field import UnknownSpace, describe_unproven, planning_field
 from nerfnav.geometry import Camera
 from nerfnav.navigation import WORLDS, WorldName
-from nerfnav.planner import OccupancyConfig, OccupancyMap, close_holes, fits
+from nerfnav.planner import OccupancyConfig, OccupancyMap, close_holes, explain_unfit, fits
 from nerfnav.robots import RigidState, Robot
 from nerfnav_app.places.place import Place
 
@@ -44,11 +44,14 @@ def planning_robot(robot: Robot, world: WorldName) -> Robot:
     return WORLDS[world].planning_robot(robot)
 
 
-def is_only_unproven(place: Place, state: RigidState) -> bool:
-    """Check whether unproven space alone keeps the place's robot from a state."""
-    body = place.robot.body
-    closed, as_it_says = (prepare_place(place, unknown) for unknown in (UnknownSpace.OCCUPIED, UnknownSpace.FREE))
-    return not fits(closed.field, body, state) and fits(as_it_says.field, body, state)
+def explain_unfit_in(place: Place, state: RigidState, unknown: UnknownSpace) -> str:
+    """Explain in words why the place's robot does not fit at a state, to go on after the name of the state; unproven
+    space is named where that alone keeps the robot from it."""
+    body, planned = place.robot.body, prepare_place(place, unknown).field
+    as_it_says = prepare_place(place, UnknownSpace.FREE).field
+    if not fits(planned, body, state) and fits(as_it_says, body, state):
+        return "is in unproven space"
+    return explain_unfit(planned, body, state)
 
 
 @lru_cache(maxsize=1)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from nerfnav.field import UnknownSpace
 from nerfnav.geometry import so3
-from nerfnav.planner import OccupancyConfig, explain_unfit, fits, nearest_free_pose
-from nerfnav_app.places.derived import build_occupancy, is_only_unproven, prepare_place
+from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose
+from nerfnav_app.places.derived import build_occupancy, explain_unfit_in, prepare_place
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.places.obstacles import find_touched
 from nerfnav_app.places.place import Place
@@ -32,11 +32,9 @@ def check_fit(seen: Place, which: EndRole, end: End, unknown: UnknownSpace = Unk
     occupancy = build_occupancy(place, OccupancyConfig(), end.position[2])
     if fits(place.field, body, state, occupancy.scales.threshold):
         return EndFit(None)
-    nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit(place.field, body, state)
+    nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit_in(seen, state, unknown)
     if (touched := find_touched(placed, place.robot, state)) is not None:
         wrong = f"is where the obstacle {touched.name!r} stands"
-    elif unknown is UnknownSpace.OCCUPIED and is_only_unproven(seen, state):
-        wrong = "is in unproven space"
     if nearest is None:
         return EndFit(f"the {name} {wrong}, far from any free point.")
     x, y, z = nearest.position.tolist()

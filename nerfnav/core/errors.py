@@ -54,10 +54,17 @@ class OutsideBoxError(NerfnavError):
 class OccupiedError(NerfnavError):
     """A start or goal in occupied space; `nearest` is the nearest free point [m], or None where none was found."""
 
-    def __init__(self, message: str, nearest: tuple[float, float, float] | None) -> None:
-        """Keep the nearest free point beside the message that names it."""
-        super().__init__(message)
-        self.nearest = nearest
+    def __init__(
+        self, name: str, place: str, reason: str, advice: str, nearest: tuple[float, float, float] | None
+    ) -> None:
+        """Say that the end of this name ("start", "goal") at a place is unfit for a reason, and give advice."""
+        super().__init__(f"the {name} {place} {reason}; {advice}")
+        self.name, self.nearest = name, nearest
+        self._place, self._advice = place, advice
+
+    def because(self, reason: str) -> "OccupiedError":
+        """Return the same error for another reason."""
+        return OccupiedError(self.name, self._place, reason, self._advice, self.nearest)
 
 
 class MissingExtraError(NerfnavError):

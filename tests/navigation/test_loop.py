@@ -271,7 +271,7 @@ def test_without_noise_open_loop_meets_the_goal_exactly():
 def test_what_the_planner_refuses_is_refused_here():
     class Refusing(StraightPlanner):
         def plan(self, route: Route) -> PlanSteps:
-            raise OccupiedError("the goal is in occupied space", None)
+            raise OccupiedError("goal", "(0, 0, 0)", "is in occupied space", "move it", None)
 
     with pytest.raises(OccupiedError, match="occupied"):
         fly(Refusing())

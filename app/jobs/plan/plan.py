@@ -39,7 +39,7 @@ from nerfnav.planner import (
 from nerfnav.robots import Motion, NoiseModel
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summary_of
-from nerfnav_app.places.derived import build_occupancy, is_only_unproven, planning_robot, prepare_route
+from nerfnav_app.places.derived import build_occupancy, explain_unfit_in, planning_robot, prepare_route
 from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.place import Place
@@ -230,11 +230,8 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     try:
         return (yield from _plan_steps(request, place))
     except OccupiedError as error:
-        for which in EndRole if request.unknown is UnknownSpace.OCCUPIED else ():
-            if str(error).startswith(f"the {which.value} ") and is_only_unproven(place, request.ends.of(which).state()):
-                known = str(error).replace("is in occupied space", "is in unproven space")
-                raise OccupiedError(known, error.nearest) from error
-        raise
+        state = request.ends.of(EndRole(error.name)).state()
+        raise error.because(explain_unfit_in(place, state, request.unknown)) from error
 
 
 def _plan_steps(request: PlanRequest, place: Place) -> PlanSteps:

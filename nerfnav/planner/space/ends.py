@@ -32,8 +32,8 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
         if body_density(field, body, state) > occupancy.scales.threshold:
             nearest = nearest_free_pose(field, body, state, occupancy)
             raise OccupiedError(
-                f"the {name} {_words(state.position)} {explain_unfit(field, body, state)}; "
-                f"{_advice(state, nearest, occupancy.scales)}",
+                name, _words(state.position), explain_unfit(field, body, state),
+                _advice(state, nearest, occupancy.scales),
                 None if nearest is None else (
                     nearest.position[0].item(), nearest.position[1].item(), nearest.position[2].item()
                 ),
