@@ -86,9 +86,9 @@ class Simulator:
             if disturbance is not None:
                 self.state = self.state.retract(disturbance.sample(self.generator))
         self.state = self.robot.settled(self.state, before)
-        return self.touches(before, self.state, dt)
+        return self.advance(before, self.state, dt)
 
-    def touches(self, before: RigidState, after: RigidState, seconds: float) -> bool:
+    def advance(self, before: RigidState, after: RigidState, seconds: float) -> bool:
         """Let time pass while the robot moves between two states; return whether its body touches anything on the way,
         movers too."""
         began, self.time = self.time, self.time + seconds

@@ -24,6 +24,7 @@ SIZES = {GizmoMode.MOVE: 1.1, GizmoMode.TURN: 0.9, GizmoMode.SCALE: 0.4}
 """Size of the handles, in longest edges of the obstacle."""
 _CHOSEN, _SELECTING = 0.75, 0.35
 """Opacity of the chosen obstacle, behind which the plan shines through, and of a volume that selects."""
+_Post = Callable[[Command], None] | None
 _ROOT = "/obstacles"
 HANDLES = f"{_ROOT}/handles"
 """Node of the handles."""
@@ -121,31 +122,36 @@ def follow_handles(placed: PlacedObstacle, mode: GizmoMode, position: Vector, wx
             return placed.scaled((x, y, z))
 
 
-class _Node:
-    """Mesh of one obstacle after the other."""
+class _Drawn:
+    """One obstacle after the other in a node of the scene."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        name: str,
-        post: Callable[[Command], None] | None = None,
-        below_handles: bool = False,
-    ) -> None:
-        """Add it, hidden; clicks on it choose it, with a `post`: else they would keep a hand from handles behind it.
+    def __init__(self, server: viser.ViserServer, name: str, post: _Post = None, below_handles: bool = False) -> None:
+        """Clicks on it choose the obstacle, with a `post`: else they would keep a hand from handles behind it.
 
         Handles that it is below have its pose.
         """
-        self._server, self._placed, self._below_handles = server, None, below_handles
+        self._server, self._name, self._post, self._below_handles = server, name, post, below_handles
+        self._placed: PlacedObstacle | None = None
+
+    def _choose_on_click(self, node: viser.MeshHandle | viser.GlbHandle) -> None:
+        if self._post is not None:
+            post_on(node.on_click, self._post, self._choose)
+
+    def _choose(self) -> ChooseObstacle | None:
+        return None if self._placed is None else ChooseObstacle(self._placed.name)
+
+
+class _Node(_Drawn):
+    """Mesh of one obstacle after the other."""
+
+    def __init__(self, server: viser.ViserServer, name: str, post: _Post = None, below_handles: bool = False) -> None:
+        """Add it, hidden; see _Drawn."""
+        super().__init__(server, name, post, below_handles)
         self._node = server.scene.add_mesh_simple(
             name, np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32), flat_shading=True, opacity=1.0,
             cast_shadow=False, receive_shadow=False, visible=False,
         )  # fmt: skip
-        self._placed: PlacedObstacle | None
-        if post is not None:
-            post_on(self._node.on_click, post, self._choose)
-
-    def _choose(self) -> ChooseObstacle | None:
-        return None if self._placed is None else ChooseObstacle(self._placed.name)
+        self._choose_on_click(self._node)
 
     def remove(self) -> None:
         """Take it out of the scene."""
@@ -170,24 +176,11 @@ class _Node:
         self._node.visible = visible
 
 
-class _Part:
-    """Part of the field's surface that was cut out, one after the other."""
+class _Part(_Drawn):
+    """Part of the field's surface that was cut out, one after the other; added once there is a surface."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        name: str,
-        post: Callable[[Command], None] | None = None,
-        below_handles: bool = False,
-    ) -> None:
-        """See _Node; the node is added once there is a surface."""
-        self._server, self._name, self._post, self._below_handles = server, name, post, below_handles
-        self._node: viser.GlbHandle | None = None
-        self._drawn: tuple[bytes | None, CutOut | None] = None, None
-        self._placed: PlacedObstacle | None = None
-
-    def _choose(self) -> ChooseObstacle | None:
-        return None if self._placed is None else ChooseObstacle(self._placed.name)
+    _node: viser.GlbHandle | None = None
+    _drawn: tuple[bytes | None, CutOut | None] = None, None
 
     def remove(self) -> None:
         """Take it out of the scene."""
@@ -202,8 +195,7 @@ class _Part:
             glb = split_glb(surface, shape, inside=True)
             if self._node is None:
                 self._node = self._server.scene.add_glb(self._name, glb, cast_shadow=False, receive_shadow=False)
-                if self._post is not None:
-                    post_on(self._node.on_click, self._post, self._choose)
+                self._choose_on_click(self._node)
             else:
                 self._node.glb_data = glb
         if self._node is None:

@@ -70,7 +70,7 @@ class PhysicalSimulator(Simulator):
                 pictured = self._estimate
             if left % max(1, round(_LOOK_APART / tick)) == 0:
                 self.state = _rounded(self._body)
-                touched |= self.touches(checked, self.state, (unchecked - left) * tick)
+                touched |= self.advance(checked, self.state, (unchecked - left) * tick)
                 checked, unchecked = self.state, left
         if gust is not None:
             self._push(gust.sample(self.generator))
