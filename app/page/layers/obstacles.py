@@ -180,7 +180,8 @@ class _Part(_Drawn):
     """Part of the field's surface that was cut out, one after the other; added once there is a surface."""
 
     _node: viser.GlbHandle | None = None
-    _drawn: tuple[bytes | None, CutOut | None] = None, None
+    _surface: bytes | None = None
+    _shape: CutOut | None = None
 
     def remove(self) -> None:
         """Take it out of the scene."""
@@ -190,8 +191,8 @@ class _Part(_Drawn):
     def show(self, placed: PlacedObstacle, wrong: bool, visible: bool, surface: bytes | None) -> None:
         """Draw a cut-out where it is now, as it looks in the surface."""
         self._placed, shape = placed, placed.cut_out
-        if visible and shape is not None and surface is not None and self._drawn != (surface, shape):
-            self._drawn = surface, shape
+        if visible and shape is not None and surface is not None and (self._surface, self._shape) != (surface, shape):
+            self._surface, self._shape = surface, shape
             glb = split_glb(surface, shape, inside=True)
             if self._node is None:
                 self._node = self._server.scene.add_glb(self._name, glb, cast_shadow=False, receive_shadow=False)
@@ -207,7 +208,7 @@ class _Part(_Drawn):
             to = np.zeros(3) if self._below_handles else np.array(obstacle.position)
             self._node.wxyz = tf.SO3.from_matrix(turn).wxyz
             self._node.position = to - turn @ np.array(shape.position)
-        self._node.visible = visible and self._drawn == (surface, shape)
+        self._node.visible = visible and (self._surface, self._shape) == (surface, shape)
 
 
 def _wxyz(obstacle: Obstacle) -> np.ndarray:
