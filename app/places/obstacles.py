@@ -21,6 +21,7 @@ from nerfnav.obstacles import (
     read_obstacle_entries,
     read_obstacles,
     replace_in_field,
+    require_placeable,
 )
 from nerfnav.robots import RigidState, Robot
 from nerfnav_app.places.ends import EndRole, Ends
@@ -34,10 +35,13 @@ def open_with_obstacles(place: Place, path: Path) -> Place:
     """The place with the obstacles of a file in it: those that stand in the map, in the ground truth, and so in the
     camera; those that move beside them.
 
-    Raises InvalidInputError for a file that cannot be read, and for obstacles that stand outside the place.
+    Raises InvalidInputError for a file that cannot be read, for obstacles that stand outside the place, and for a
+    cut-out of nothing.
     """
     obstacles = read_obstacles(path)
     try:
+        for obstacle in _standing(obstacles).obstacles:
+            require_placeable(place.field, obstacle)
         return place_obstacles(place, obstacles)
     except InvalidInputError as error:
         raise InvalidInputError(f"{path}: {error}") from error

@@ -7,7 +7,7 @@ import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field, GridField
-from nerfnav.obstacles import CutOut, ObstacleSet, require_inside, require_part
+from nerfnav.obstacles import ObstacleSet, require_placeable
 from nerfnav.robots import RigidState
 from nerfnav_app.places.obstacles import find_touched, place_obstacles, require_standing
 from nerfnav_app.places.place import Place
@@ -66,9 +66,7 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
 
     def _check(self, placed: PlacedObstacle, bare: Place) -> None:
         require_standing(placed.obstacle)
-        require_inside(bare.field, placed.obstacle)
-        if isinstance(placed.obstacle.shape, CutOut):
-            require_part(bare.field, placed.obstacle)
+        require_placeable(bare.field, placed.obstacle)
         if self.robot_at is not None and find_touched([placed.obstacle], bare.robot, self.robot_at) is not None:
             raise InvalidInputError(f"the obstacle {placed.name!r} is where the robot flies: move it away")
 

@@ -1,5 +1,4 @@
 from .cut_out import CutOut as CutOut
-from .cut_out import require_part as require_part
 from .motions import ConstantVelocity as ConstantVelocity
 from .motions import Motion as Motion
 from .motions import RandomWalk as RandomWalk
@@ -20,7 +19,7 @@ from .overlay import Overlay as Overlay
 from .placement import place_in_field as place_in_field
 from .placement import place_in_scene as place_in_scene
 from .placement import replace_in_field as replace_in_field
-from .placement import require_inside as require_inside
+from .placement import require_placeable as require_placeable
 from .shapes import BoxShape as BoxShape
 from .shapes import Cylinder as Cylinder
 from .shapes import MeshShape as MeshShape

@@ -253,6 +253,8 @@ def _motion_entry_of(motion: Motion) -> MotionEntry | None:
 def _obstacle_of(entry: ObstacleEntry, where: str, folder: Path) -> Obstacle:
     shape = _checked(where, lambda: _shape_of(entry, folder))
     motion = _checked(f"{where}.motion", lambda: _motion_of(entry.motion))
+    if entry.cut_out is not None and motion is not STILL:
+        raise InvalidInputError(f"{where} is a cut_out that moves, and parts of a field stand: leave its motion out")
     colored: dict[str, Any] = {} if entry.color is None else {"color": entry.color}
     return _checked(where, lambda: Obstacle(entry.name, shape, entry.position, entry.rotation, motion, **colored))
 

@@ -25,7 +25,7 @@ from nerfnav.field import Field, GridField, Occupancy, VoxelField
 from nerfnav.field.core.occupancy import EMPTY_RAW, raw_of
 from nerfnav.field.models.bricks import CELLS, NODES, BrickField
 from nerfnav.geometry import Box
-from nerfnav.obstacles.cut_out import CutOut, Nodes, cut, move_parts, paste, states_of
+from nerfnav.obstacles.cut_out import CutOut, Nodes, cut, move_parts, paste, require_part, states_of
 from nerfnav.obstacles.obstacle import Obstacle, ObstacleSet
 from nerfnav.obstacles.shapes import Points
 
@@ -132,6 +132,13 @@ def _region(field: GridField, obstacle: Obstacle) -> _Region:
     first = np.floor((middle - half - reach - lower) / spacing).astype(int)
     end = np.ceil((middle + half + reach - lower) / spacing).astype(int) + 1
     return _Region(first.clip(0, field.shape), end.clip(0, field.shape))
+
+
+def require_placeable(field: Field, obstacle: Obstacle) -> None:
+    """Raise InvalidInputError for an obstacle that lies outside the field's box, or is a cut-out of nothing."""
+    if isinstance(obstacle.shape, CutOut):
+        require_part(field, obstacle)
+    require_inside(field, obstacle)
 
 
 def require_inside(field: Field, obstacle: Obstacle) -> None:

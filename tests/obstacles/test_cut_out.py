@@ -23,7 +23,7 @@ from nerfnav.obstacles import (
     place_in_scene,
     read_obstacles,
     replace_in_field,
-    require_part,
+    require_placeable,
 )
 from nerfnav.world import Scene
 
@@ -125,8 +125,8 @@ def test_the_ground_truth_moves_its_part_along() -> None:
 def test_a_volume_that_holds_nothing_is_one_sentence() -> None:
     empty = Obstacle("part 1", CutOut(Sphere(0.1), (1.5, 1.5, 0.7)), (1.0, 1.0, 0.5))
     with pytest.raises(InvalidInputError, match="the volume of 'part 1' holds nothing of the place"):
-        require_part(stone_field(), empty)
-    require_part(stone_field(), placed_at((1, 1, 0.5)).obstacles[0])
+        require_placeable(stone_field(), empty)
+    require_placeable(stone_field(), placed_at((1, 1, 0.5)).obstacles[0])
 
 
 def test_files_hold_cut_outs(tmp_path: Path) -> None:

@@ -117,6 +117,7 @@ WRONG = {
     "obstacles: [{sphere: 1, color: [200, 0, 0]}]": r"obstacles\[0\].color\[0\] is 200, a number at most 1",
     "obstacles: [{sphere: 1, name: a}, {sphere: 1, name: a}]": "two obstacles are named 'a'",
     "obstacles: [" + "{sphere: 1}, " * 10_000 + "]": "obstacles has 10000 entries",
+    "obstacles: [{cut_out: {sphere: 1}, motion: {velocity: [1, 0, 0]}}]": r"obstacles\[0\] is a cut_out that moves",
     "obstacles: 3": "obstacles is 3, a list is needed",
     "": "holds no names with values",
     "obstacles: [{sphere: 1": "not readable as YAML",

@@ -50,6 +50,8 @@ def test_a_plan_goes_around_an_obstacle_on_its_way(tmp_path: Path) -> None:
         ("{name: a, box: [1, 1, 0.8], position: [-0.7, 0.5, 0.4]}", "the obstacle 'a' stands on the start"),
         ("{name: a, sphere: 0.1, position: [9, 0, 0]}", "yaml: the obstacle 'a' at .* lies outside the place"),
         ("{name: a, sphere: 0.3, position: [-0.8, 0.5, 0.4], motion: {velocity: [1, 0, 0]}}", "'a' stands on the sta"),
+        ("{name: a, cut_out: {sphere: 0.1, position: [-0.8, 0.6, 0.7]}}", "yaml: the volume of 'a' holds nothing"),
+        ("{name: a, cut_out: {sphere: 0.1, position: [90, 0, 0]}}", "yaml: the volume of 'a' holds nothing"),
         ("{sphere: 0}", r"obstacles\[0\].sphere is 0"),
     ],
 )
