@@ -118,10 +118,12 @@ class SafetyFilter:
         states = RigidState.cat([motion.states, waits])
         return bool((self.movers.least_gaps(states, motion.dt, self.robot.body, time) <= 0).any())
 
-    def collision_probability(self, motion: Motion, tolerance: float = 0.0) -> float:
-        """Estimate the probability that a flight by a plan touches something before it is within `tolerance` [m] of the
-        end of the plan."""
-        return collision_probability(self.field, self.robot, motion, self.noise, tolerance)
+    def collision_probability(self, motion: Motion, tolerance: float = 0.0, time: float = 0.0) -> float:
+        """Estimate the probability that a flight by a plan, from a time of the flight [s] on, touches something before
+        it is within `tolerance` [m] of the end of the plan."""
+        return collision_probability(
+            self.field, self.robot, motion, self.noise, tolerance, movers=self.movers, time=time
+        )
 
     def expected_collisions(self, motion: Motion) -> float:
         """Compute the expected number of collisions by noise along a plan, as J counts them: each step anew."""

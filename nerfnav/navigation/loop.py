@@ -140,7 +140,7 @@ def take_off(
     safety_filter, most = flight.stack.safety_filter, config.most_risk
     if step.outcome is None and safety_filter is not None:
         expected = safety_filter.expected_collisions(step.plan)
-        probability = safety_filter.collision_probability(step.plan, config.goal_tolerance_m)
+        probability = safety_filter.collision_probability(step.plan, config.goal_tolerance_m, step.time)
         risky = most is not None and probability > most
         step = replace(step, hits_expected=expected, collision_probability=probability)
         step = replace(step, outcome=EpisodeOutcome.TOO_RISKY if risky else None)

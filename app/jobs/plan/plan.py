@@ -171,7 +171,9 @@ def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
     """Estimate the risk of a flight of the request by its plan."""
     field = prepare_route(place, request.unknown, request.height).field
     flight, robot = request.flight, planning_robot(place.robot, request.world)
-    probability = collision_probability(field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m)
+    probability = collision_probability(
+        field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m, movers=place.movers
+    )
     return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
 
 

@@ -14,14 +14,15 @@ the body meets dense space (sampled_flights.py). The same draws serve all plans:
 differ little have probabilities that do.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from nerfnav.field import Field
+from nerfnav.planner.moving.movers import MoverBoxes, Movers
 from nerfnav.planner.risk.sampled_flights import BodyCheck, SampledFlights
 from nerfnav.planner.risk.tracking_error import relative_degrees
 from nerfnav.robots import ATTITUDE, PAPER_NOISE, POSITION, TANGENT, Motion, NoiseModel, Robot
@@ -58,24 +59,45 @@ def collision_probability(
     noise: NoiseModel = PAPER_NOISE,
     tolerance: float = 0.0,
     config: ProbabilityConfig | None = None,
+    movers: Movers | None = None,
+    time: float = 0.0,
 ) -> float:
     """Estimate the probability that a robot which follows a plan in closed loop touches something, from 0 to 1.
 
     `field` is the one that planners see, where unproven space is solid; space beyond its box is as at the border.
     `noise` disturbs the robot in each step of the plan. A flight ends where it is within `tolerance` [m] of the end of
-    the plan; with 0, it flies all of it. The result is 1 for a plan that is not finite.
+    the plan; with 0, it flies all of it. `movers` are where they are from a `time` of the flight [s] on; the box around
+    one, enlarged by the robot, counts as the mover. The result is 1 for a plan that is not finite.
     """
     config = ProbabilityConfig() if config is None else config
     if not (motion.states.position.isfinite().all() and motion.states.rotation.isfinite().all()):
         return 1.0
     check, steps, hits, flown = BodyCheck.of(field, robot.body), motion.actions.shape[-2], 0, 0
+    fractions = (np.arange(config.poses_per_step) + 0.5) / config.poses_per_step
+    times = time + motion.dt * (np.arange(steps)[:, None] + fractions)
+    boxes = None if movers is None else movers.boxes(times.ravel(), robot.body)
     for turn, count in enumerate(config.flights):
         errors = sample_errors(robot, motion.dt, noise, steps, count, config.seed + turn)
         flights = SampledFlights.of(motion, errors, tolerance, config.poses_per_step)
-        hits, flown = hits + int(check.mark_hits(flights).sum()), flown + count
+        hit = check.mark_hits(flights)
+        if boxes is not None:
+            hit |= _mark_met(flights, boxes)
+        hits, flown = hits + int(hit.sum()), flown + count
         if hits >= config.hits:
             break
     return hits / flown
+
+
+def _mark_met(flights: SampledFlights, boxes: MoverBoxes) -> Bool[np.ndarray, " n"]:
+    """Mark the flights that are in a box, which are at the times of all poses, before they arrive."""
+    met, count = np.zeros(flights.turns.shape[1], bool), len(flights.fractions)
+    for step in range(len(flights.centres) - 1):
+        before, after = flights.centres[step], flights.centres[step + 1]
+        along = before + flights.fractions[:, None, None] * (after - before)
+        centers = boxes.centers[step * count : (step + 1) * count].repeat(len(met), axis=0)
+        gaps = replace(boxes, centers=centers).gaps(along.reshape(-1, 3)).min(-1)
+        met |= (gaps <= 0).reshape(count, -1).any(0) & ~flights.arrived[step]
+    return met
 
 
 @lru_cache(maxsize=4)

@@ -66,5 +66,7 @@ def estimate_risk(problem: PlanProblem, step: PlanStep, weights: CostWeights, to
     else the bound of Eq. 1."""
     if weights.risk == 0:
         return collision_probability_bound(problem.field, step.motion, problem.robot.body)
-    probability = collision_probability(problem.field, problem.robot, step.motion, problem.noise, tolerance)
+    probability = collision_probability(
+        problem.field, problem.robot, step.motion, problem.noise, tolerance, movers=problem.movers, time=problem.time
+    )
     return max(probability, RESOLUTION)

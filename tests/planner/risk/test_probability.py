@@ -13,6 +13,8 @@ from nerfnav.field import SOLID_DENSITY, Field
 from nerfnav.field.core.occupancy import EMPTY_RAW, raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner import Movers
 from nerfnav.planner.risk.probability import ProbabilityConfig, collision_probability, sample_errors
 from nerfnav.planner.risk.sampled_flights import _DEPTH, BodyCheck, SampledFlights
 from nerfnav.planner.risk.tracking_error import relative_degrees, tracking_deviations
@@ -144,6 +146,22 @@ def test_without_obstacles_it_is_zero_and_inside_of_one_it_is_one():
     assert collision_probability(CLOSED, ROBOT, standing(0.0, 4)) == 1
     assert collision_probability(slab(0.5), ROBOT, standing(-0.5, 4)) == 1
     assert collision_probability(CLOSED, ROBOT, along) == 1
+
+
+def test_movers_count_where_they_are_when_the_robot_is_there():
+    empty, along = Fog(rho=0.0), straight_motion((-0.5, 0.0, 0.5), (0.5, 0.0, 0.5))
+    reach = 0.1 + max(ROBOT.body.extents)
+
+    def crossing(aside: float, time: float = 0.0) -> float:
+        """Chance with a box that is `aside` of the middle of the way at 0.5 s, and leaves it at 1 m/s."""
+        motion = ConstantVelocity((0.0, 1.0, 0.0))
+        box = Obstacle("box", BoxShape((0.2, 0.2, 0.2)), (0.0, aside - 0.5, 0.5), motion=motion)
+        return collision_probability(empty, ROBOT, along, movers=Movers((box,)), time=time)
+
+    assert crossing(0.0) == 1 and crossing(0.0, time=3.0) == 0
+    assert crossing(0.0, time=0.5) < 1 and crossing(4.0) == 0
+    chances = [crossing(reach + distance) for distance in (0.0, 0.05, 0.1, 0.4)]
+    assert chances == sorted(chances, reverse=True) and 0 < chances[1] < 1 and chances[-1] == 0
 
 
 def test_a_cart_in_a_corridor_is_at_risk_on_both_sides_and_not_by_its_height():
