@@ -62,6 +62,11 @@ def parts_of(name: str, content: bytes) -> dict[str, bytes]:
     return {"content": content}
 
 
+def sizes_of(digests: dict[str, str]) -> dict[str, int]:
+    """Bytes of each part, from its digest."""
+    return {part: int(digest.split()[1]) for part, digest in digests.items()}
+
+
 def same_text(golden: bytes, now: bytes) -> bool:
     """Whether two texts are alike but for the last digits of their numbers, as another processor may round them."""
     try:
