@@ -201,7 +201,7 @@ def build_safe_planner(
     planner = entry.planner(field, robot, entry.first_in_flight(settings, again), again, occupancy)
     if isinstance(planner, FieldPlanner):
         planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms, movers=movers)
-    if movers is not None and not getattr(planner, "avoids_movers", False):
+    if movers is not None and not entry.avoids_movers:
         raise InvalidInputError(
             f"the planner {entry.name!r} knows no obstacles that move: take --planner fast, or leave their motions out"
         )

@@ -228,18 +228,37 @@ def _effort(motion, slopes, task, space, weights):
     return effort, over
 
 
+_REACH = 4
+"""Time steps over which free numbers count in the same action: a position counts in attitudes up to two steps before
+it, and each of those in actions up to two steps before."""
+
+
 @kernel()
 def effort_curvature(free, task, body, space, weights, steps):
-    """Differences (k, k) of the gradient over `steps` (k) of each free number, without the collision term."""
+    """Differences (k, k) of the gradient over `steps` (k) of each free number, without the collision term.
+
+    Free numbers too far apart to count in the same action are moved together (Curtis, Powell and Reid 1974): the number
+    of evaluations does not grow with the number of time steps.
+    """
     count = free.shape[0]
     still = (0.0, weights[1], weights[2], 0.0)
     here, ahead, moved = np.empty(count), np.empty(count), free.copy()
-    curvature = np.empty((count, count))
+    times, kinds = np.empty(count, np.int64), np.empty(count, np.int64)
+    headings = count - (count + 4) // 4
+    for i in range(count):  # thrusts of the first two steps, positions, headings: see `motion`
+        times[i] = 3 if i < 2 else 4 + (i - 2) // 3 if i < headings else 2 + i - headings
+        kinds[i] = i if i < 2 else 2 + (i - 2) % 3 if i < headings else 5
+    curvature = np.zeros((count, count))
     evaluate(free, task, body, space, still, here)
-    for i in range(count):
-        moved[i] = free[i] + steps[i]
-        evaluate(moved, task, body, space, still, ahead)
-        moved[i] = free[i]
-        for j in range(count):
-            curvature[i, j] = (ahead[j] - here[j]) / steps[i]
+    for kind in range(6):
+        for phase in range(2 * _REACH + 1):
+            together = (kinds == kind) & (times % (2 * _REACH + 1) == phase)
+            if not together.any():
+                continue
+            moved[:] = np.where(together, free + steps, free)
+            evaluate(moved, task, body, space, still, ahead)
+            for i in range(count):
+                for j in range(count if together[i] else 0):
+                    if abs(times[j] - times[i]) <= _REACH:
+                        curvature[i, j] = (ahead[j] - here[j]) / steps[i]
     return curvature

@@ -150,6 +150,11 @@ class PlannerEntry:
     color: tuple[int, int, int] = (148, 163, 184)
     """Colour of its line where planners are compared, sRGB."""
 
+    @property
+    def avoids_movers(self) -> bool:
+        """Check whether its plans let movers pass, or go around them."""
+        return getattr(self.make, "avoids_movers", False)
+
     def in_flight(self, settings: PlannerConfig, risk: float | None = None) -> PlannerConfig:
         """Return the settings with which plans are redone in flight; `risk` [J] replaces the planner's own.
 

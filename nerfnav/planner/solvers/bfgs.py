@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted, newton_steps, rank_two
+from nerfnav.planner.kernels.bfgs import inverse_of_shifted, newton_steps, rank_two
 from nerfnav.planner.objective.objective import Evaluation, FusedObjective, Objective
 from nerfnav.planner.steps import PlanCost
 
@@ -145,7 +145,8 @@ def preconditioner(
     scaled = curvature(free, _DIFFERENCE * scales) * np.outer(scales, scales)
     symmetric, inverse = 0.5 * (scaled + scaled.T), np.empty_like(scaled)
     if not inverse_of_shifted(symmetric, prior, inverse):
-        inverse = inverse_of_absolute(symmetric, prior)
+        values, vectors = np.linalg.eigh(symmetric)
+        inverse = vectors / (np.abs(values) + prior) @ vectors.T
     return np.outer(scales, scales) * inverse
 
 

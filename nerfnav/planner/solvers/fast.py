@@ -32,7 +32,7 @@ from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import limit_uses
 
 Step = TypeVar("Step", bound=PlanStep)
-_FIRMER = (10.0, 100.0, 1000.0)
+FIRMER = (10.0, 100.0, 1000.0)
 """Factors on the weight of limits, in turn, for a plan that ends beyond them."""
 _LIMITS_FIRST = 0.01
 """Share of the weight of risk in the last of these rounds: a sofa's plan through a door that noise makes risky stayed
@@ -126,8 +126,16 @@ def replan_fast(problem: PlanProblem, trajectory: Trajectory, config: FastPlanCo
     return (yield from improve(problem, (trajectory,), replace(config, newton=config.newton.nearby())))
 
 
-def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: FastPlanConfig) -> PlanSteps:
-    """Improve trajectories between the same ends, and return the best one; yield as `plan_fast` does."""
+def improve(
+    problem: PlanProblem,
+    trajectories: tuple[Trajectory, ...],
+    config: FastPlanConfig,
+    firmer: tuple[float, ...] = FIRMER,
+) -> PlanSteps:
+    """Improve trajectories between the same ends, and return the best one; yield as `plan_fast` does.
+
+    `firmer` are the factors on the weight of limits that are tried in turn where the plan ends beyond them.
+    """
     desk = _Desk(problem, trajectories[0], config)
     starts = [trajectory.free.double().numpy() for trajectory in trajectories]
     inverse = preconditioner(desk.objective.effort_curvature, starts[0], desk.scales, config.newton.prior)
@@ -149,7 +157,7 @@ def improve(problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: 
         yield desk.record(winner, found.point)
     winning = latest[winner]
     along = desk.density_along(winning)
-    best = desk.within_limits(desk.search_finely(winning) if meets_density(problem, along) else winning)
+    best = desk.within_limits(desk.search_finely(winning) if meets_density(problem, along) else winning, firmer)
     outcome = PlanOutcome.CONVERGED if best.settled else PlanOutcome.ITERATION_LIMIT
     last = desk.record(winner, best.point)
     return last.end(judge_search(problem, last.motion, last.cost, outcome, along if best is winning else None))
@@ -225,17 +233,17 @@ class _Desk:
         self._weights, self.objective = self._fine_weights, self.fine
         return _last(minimise(self.fine, self.fine(reached.point.free), self.scales, self._config.newton))
 
-    def within_limits(self, reached: Iterate) -> Iterate:
-        """Search on with heavier weights on the robot's limits where a plan exceeds them, if that keeps them and
-        touches no mover.
+    def within_limits(self, reached: Iterate, factors: tuple[float, ...]) -> Iterate:
+        """Search on with the weight of limits times these factors, in turn, where a plan exceeds them, if that keeps
+        them and touches no mover.
 
         Penalties end a little beyond what they bound.
         """
         tried = reached
-        for firmer in (1.0, *_FIRMER):
+        for firmer in (1.0, *factors):
             if firmer > 1:
                 weights, free = self._weights, tried.point.free
-                risk = weights.risk if firmer < _FIRMER[-1] else _LIMITS_FIRST * weights.risk
+                risk = weights.risk if firmer < FIRMER[-1] else _LIMITS_FIRST * weights.risk
                 firm = self._weighing(replace(weights, limits=firmer * weights.limits, risk=risk))
                 inverse = preconditioner(firm.effort_curvature, free, self.scales, self._config.newton.prior)
                 tried = _last(minimise(firm, firm(free), self.scales, self._config.newton, inverse))

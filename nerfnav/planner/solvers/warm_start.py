@@ -28,6 +28,7 @@ from nerfnav.planner.objective.problem import (
 )
 from nerfnav.planner.solvers.duration import estimate_timing
 from nerfnav.planner.solvers.fast import (
+    FIRMER,
     FastPlanConfig,
     count_on,
     improve,
@@ -269,7 +270,7 @@ def replan_moved_ends(
     moved = move_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
     if moved is not None and torch.isfinite(moved.free).all():
         newton, scout = replace(config.newton, iterations=_DRAGGED), replace(config.scout, iterations=config.scout.heat)
-        found = yield from improve(problem, (moved,), replace(config, newton=newton, scout=scout))
+        found = yield from improve(problem, (moved,), replace(config, newton=newton, scout=scout), FIRMER[-1:])
         if found.outcome not in _LOST:
             return found
         yield found.as_step()
