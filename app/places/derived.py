@@ -12,30 +12,27 @@ from nerfnav.robots import RigidState, Robot
 from nerfnav_app.places.place import Place
 
 
-@lru_cache(maxsize=4)
 def prepare_place(place: Place, unknown: UnknownSpace) -> Place:
-    """The place as planners see it, its unknown space taken for solid or not; made once, as maps of it are."""
+    """The place as planners see it, its unknown space taken for solid or not; made once for a field, as maps are."""
     field = planning_field(place.field, unknown)
     return place if field is place.field else replace(place, field=field)
 
 
-@lru_cache(maxsize=2)
 def prepare_route(place: Place, unknown: UnknownSpace, height: float) -> Place:
     """The place as planners see it, with the holes of its floor closed for a robot that drives at a height [m]."""
     planning = prepare_place(place, unknown)
-    field = close_holes(planning.field, place.robot, height)
+    field = _close_holes(planning.field, place.robot, height)
     return planning if field is planning.field else replace(planning, field=field)
 
 
 def build_occupancy(place: Place, config: OccupancyConfig, height: float) -> OccupancyMap:
     """The map that paths are searched on: of one height [m] for a robot that never leaves it, else of the place."""
-    return _map_of(place, config, height if place.robot.planar else None)
+    return _map_of(place.field, place.robot.body, config, height if place.robot.planar else None)
 
 
-@lru_cache(maxsize=4)
-def _map_of(place: Place, config: OccupancyConfig, height: float | None) -> OccupancyMap:
-    """Made once, for it takes longer than most searches."""
-    return OccupancyMap.of(place.field, place.robot.body, config, height)
+_close_holes = lru_cache(maxsize=2)(close_holes)
+_map_of = lru_cache(maxsize=4)(OccupancyMap.of)
+"""Made once, for it takes longer than most searches."""
 
 
 @lru_cache(maxsize=4)

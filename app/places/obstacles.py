@@ -12,6 +12,9 @@ from jaxtyping import Float
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import VoxelField
 from nerfnav.obstacles import (
+    STILL,
+    CutOut,
+    Held,
     Obstacle,
     ObstacleEntry,
     ObstacleSet,
@@ -66,6 +69,21 @@ def require_standing(obstacle: Obstacle) -> None:
         )
 
 
+def take_up(obstacle: Obstacle) -> Obstacle:
+    """An obstacle in a hand; one that moves, and a part of the field, stay what they are."""
+    return obstacle if obstacle.moves or isinstance(obstacle.shape, CutOut) else replace(obstacle, motion=Held())
+
+
+def put_down(place: Place) -> Place:
+    """A place with the obstacle in it that a hand holds, where it is."""
+    if place.obstacles is None or place.bare is None:
+        return place
+    placed = [
+        replace(each, motion=STILL) if isinstance(each.motion, Held) else each for each in place.obstacles.obstacles
+    ]
+    return place_obstacles(place.without_obstacles(), ObstacleSet(tuple(placed)), place)
+
+
 def place_obstacles(place: Place, obstacles: ObstacleSet, last: Place | None = None) -> Place:
     """A place without obstacles with some in it: those that stand in the map, in the ground truth, and so in the
     camera; those that move beside them.
@@ -75,6 +93,8 @@ def place_obstacles(place: Place, obstacles: ObstacleSet, last: Place | None = N
     """
     truth, standing = place.truth, _standing(obstacles)
     before = None if last is None or last.obstacles is None else _standing(last.obstacles)
+    if last is not None and standing == before:
+        return replace(last, obstacles=obstacles)
     if not standing.obstacles:
         return replace(place, obstacles=obstacles, bare=place)
     if last is not None and before is not None and isinstance(place.field, VoxelField):

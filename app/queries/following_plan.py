@@ -82,7 +82,8 @@ class FollowingPlanQuery(Query[SessionPlan]):
         stale = session.plan_is_stale or (plan.draft and not session.held)
         if stale and planners.load(session.choice.planner).real_time:
             last = None if plan.latest is None else plan.latest.motion
-            first = session.held or plan.obstacles != session.placed_obstacles  # seen at once, and then judged
+            changed = plan.obstacles != session.placed_obstacles and not plan.draft
+            first = session.held or changed  # seen at once, and then judged
             record = replace(session.new_plan(session.ends), draft=first)
             yield cls(record, session.choice.robot, session.jobs_begun, last)
 

@@ -8,8 +8,9 @@ import numpy as np
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field, GridField
 from nerfnav.obstacles import ObstacleSet, require_placeable
+from nerfnav.planner import planners
 from nerfnav.robots import RigidState
-from nerfnav_app.places.obstacles import find_touched, place_obstacles, require_standing
+from nerfnav_app.places.obstacles import find_touched, place_obstacles, require_standing, take_up
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.click_landing import intersect_ray
 from nerfnav_app.queries.query import Query, Resources
@@ -40,6 +41,8 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
 
     obstacles: tuple[PlacedObstacle, ...]
     """Obstacles that are not hidden."""
+    in_hand: str | None = None
+    """Name of the one that the user drags, where the planner takes it for one that moves."""
     robot_at: RigidState | None = field(default=None, compare=False)
     """True state of a robot that flies, on which none is dropped."""
 
@@ -49,15 +52,16 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
         place, wanted = session.place, session.visible_obstacles
         if place is not None and (wanted or place.obstacles is not None):
             flown = session.flight.steps[-1:] if session.flight is not None and session.in_flight else ()
-            yield cls(wanted, flown[0].truth if flown else None)
+            in_hand = session.in_hand if planners.load(session.choice.planner).avoids_movers else None
+            yield cls(wanted, in_hand, flown[0].truth if flown else None)
 
     def answer(self, resources: Resources) -> ObstaclesPlaced:
-        """Place all that can be placed: a field on a grid holds those inside it."""
+        """Place all that can be placed: a field on a grid holds those inside it, but for the one in a hand."""
         bare, problems, fitting = resources.place.without_obstacles(), dict[str, str](), []
         for placed in self.obstacles:
             try:
                 self._check(placed, bare)
-                fitting.append(placed.obstacle)
+                fitting.append(take_up(placed.obstacle) if placed.name == self.in_hand else placed.obstacle)
             except InvalidInputError as error:
                 problems[placed.name] = str(error)
         placed = ObstacleSet(tuple(fitting))

@@ -35,7 +35,7 @@ def move_end(session: Session, place: Place, which: EndRole, end: End, held: boo
     if session.held and not held and place.robot.planar:  # let go: now it may drop onto the floor
         session = replace(session, problems=_without(session.problems, which), offers=_without(session.offers, which))
     if session.held != held or which in session.outside:
-        session = replace(session, held=held, outside=_without(session.outside, which))
+        session = replace(session, held=held, in_hand=None, outside=_without(session.outside, which))
     if end == session.ends.of(which):
         return session
     ends = session.ends.moved(which, end)

@@ -26,7 +26,7 @@ def command_obstacles(session: Session, command: o.ObstacleAction) -> Session:
             return replace(session, obstacles=tuple(each for each in session.obstacles if each.name != name))
     placed = session.obstacle_named(command.name)
     if placed is None:
-        return replace(session, held=False)
+        return replace(session, held=False, in_hand=None)
     if isinstance(command, o.ChangeObstacle):
         return _change(session, placed, command)
     if isinstance(command, o.SeparateObstacle):
@@ -56,7 +56,8 @@ def _change(session: Session, placed: o.PlacedObstacle, command: o.ChangeObstacl
         changed = changed if name == changed.name else changed.changed(name=name)
         assert changed.obstacle
     except InvalidInputError as error:
-        return add_notice(replace(session, held=False), "Not changed", sentence(str(error)), bad=True)
+        return add_notice(replace(session, held=False, in_hand=None), "Not changed", sentence(str(error)), bad=True)
     known = tuple(changed if each is placed else each for each in session.obstacles)
     chosen = name if session.chosen == placed.name else session.chosen
-    return replace(session, obstacles=known, chosen=chosen, held=command.held)
+    in_hand = name if command.held else None
+    return replace(session, obstacles=known, chosen=chosen, held=command.held, in_hand=in_hand)

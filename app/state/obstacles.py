@@ -175,6 +175,8 @@ class ObstacleState:
     """Name of the obstacle whose handles are shown."""
     gizmo_mode: GizmoMode = GizmoMode.MOVE
     """Effect of its handles."""
+    in_hand: str | None = None
+    """Name of the obstacle that the user drags."""
 
     @property
     def chosen_obstacle(self) -> PlacedObstacle | None:

@@ -311,4 +311,4 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
         eyes = {tab: eye for tab, eye in self.eyes.items() if tab != client}
         kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}
         let_go = replace(self.alignment, held=False)
-        return replace(self, eyes=eyes, results=kept, held=False, alignment=let_go)  # its hand may have held something
+        return replace(self, eyes=eyes, results=kept, held=False, in_hand=None, alignment=let_go)

@@ -1,5 +1,7 @@
 from .cut_out import CutOut as CutOut
+from .motions import STILL as STILL
 from .motions import ConstantVelocity as ConstantVelocity
+from .motions import Held as Held
 from .motions import Motion as Motion
 from .motions import RandomWalk as RandomWalk
 from .motions import Still as Still

@@ -57,6 +57,14 @@ STILL = Still()
 
 
 @dataclass(frozen=True)
+class Held(Still):
+    """No motion for the moment: a hand holds the obstacle, and moves it on.
+
+    It counts as one that moves: planners see its place at once, and maps are not made anew until it is put down.
+    """
+
+
+@dataclass(frozen=True)
 class ConstantVelocity:
     """Straight line at a constant velocity."""
 

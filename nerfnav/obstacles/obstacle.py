@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Box, so3
-from nerfnav.obstacles.motions import STILL, Motion, Still, Times, Vector
+from nerfnav.obstacles.motions import STILL, Motion, Times, Vector
 from nerfnav.obstacles.shapes import Distances, Points, Shape
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ class Obstacle:
 
     @property
     def moves(self) -> bool:
-        """Check for a motion."""
-        return not isinstance(self.motion, Still)
+        """Check for a motion; what a hand holds counts as moving."""
+        return self.motion != STILL
 
     @cached_property
     def attitude(self) -> Float[np.ndarray, "3 3"]:

@@ -42,6 +42,7 @@ from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summar
 from nerfnav_app.places.derived import build_occupancy, explain_unfit_in, planning_robot, prepare_route
 from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.ground import describe_move, put_on_ground
+from nerfnav_app.places.obstacles import put_down
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder
 
@@ -283,6 +284,7 @@ def _draft_in(request: PlanRequest, place: Place) -> PlanSteps:
         else:
             if found.outcome in (*FLYABLE, PlanOutcome.OVER_LIMITS):
                 return found
+    place = put_down(place)
     planner, _ = make_planner(request, place, _map_for(request, place))
     return (yield from _draft(request, planner))
 

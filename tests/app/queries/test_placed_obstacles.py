@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nerfnav.planner import Movers
 from nerfnav.robots import RigidState
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import check_fit
-from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, make_plan, plan_request
 from nerfnav_app.queries.placed_obstacles import ObstacleLandingQuery, ObstaclesPlaced, PlacedObstaclesQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.state import actions as m
@@ -83,7 +84,7 @@ def test_obstacles_that_cannot_be_placed_are_left_out_with_a_sentence(opened: Se
 
 
 def test_none_is_dropped_on_a_robot_that_flies() -> None:
-    result = PlacedObstaclesQuery((BOX,), RigidState.at_rest(BOX.entry.position)).answer(Resources(PLACE))
+    result = PlacedObstaclesQuery((BOX,), robot_at=RigidState.at_rest(BOX.entry.position)).answer(Resources(PLACE))
     assert "'box 1' is where the robot flies" in result.problems["box 1"] and result.place.obstacles is None
 
 
@@ -122,3 +123,37 @@ def test_a_place_that_was_opened_meanwhile_is_kept(opened: Session) -> None:
     other = replace(opened, place=balls_place(), obstacles=(BOX,))
     result = asked.answer(Resources(PLACE))
     assert isinstance(result, ObstaclesPlaced) and after(other, m.QueryAnswered(asked, result)).place is other.place
+
+
+def test_an_obstacle_in_a_hand_is_in_no_map_until_it_is_put_down(opened: Session) -> None:
+    session = planned(replace(opened, place=PLACE, obstacles=(BOX,)))
+    for x in (0.1, 0.2):
+        session = answered(after(session, o.ChangeObstacle("box 1", BOX.changed(position=(x, 0.6, 0.4)), held=True)))
+        assert session.place is not None and session.place.field is PLACE.field
+        (held,) = session.place.movers.obstacles if session.place.movers is not None else ()
+        assert held.position == (x, 0.6, 0.4)
+    session = answered(after(session, o.ChangeObstacle("box 1", BOX)))
+    assert session.place is not None and session.place.movers is None and session.place.field is not PLACE.field
+
+
+def test_a_planner_that_knows_no_movers_has_what_a_hand_holds_in_its_map(opened: Session) -> None:
+    session = planned(replace(opened, place=PLACE, obstacles=(BOX,), choice=replace(opened.choice, planner="rrt")))
+    session = answered(after(session, o.ChangeObstacle("box 1", BOX, held=True)))
+    assert session.place is not None and session.place.movers is None and session.place.field is not PLACE.field
+
+
+def test_a_draft_gives_way_to_an_obstacle_in_a_hand_and_in_the_map(opened: Session) -> None:
+    session = replace(opened, place=PLACE)
+    first = make_plan(plan_request(session.new_plan(session.ends), Resources(PLACE)), PLACE).steps[-1].motion
+    x, y, z = first.states.position[first.states.position[:, 0].abs().argmin()].tolist()
+    box = BOX.changed(position=(x, y, z))
+    touched = Movers((box.obstacle,)).least_gaps(first.states, first.dt, PLACE.robot.body, 0.0).min()
+    assert touched < 0
+    for held in (True, False):
+        placed = answered(replace(session, obstacles=(box,), in_hand="box 1" if held else None)).place
+        assert placed is not None and (placed.movers is not None) == held
+        record = replace(session.new_plan(session.ends), draft=True)
+        answer = FollowingPlanQuery(record, session.choice.robot, last=first).answer(Resources(placed))
+        assert answer.steps, answer.refusal
+        found = answer.steps[-1].motion
+        assert Movers((box.obstacle,)).least_gaps(found.states, found.dt, PLACE.robot.body, 0.0).min() > 0
