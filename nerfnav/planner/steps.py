@@ -53,7 +53,7 @@ class TermCost:
     its value alone, once, elsewhere."""
 
 
-COST_FIELDS = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3}
+COST_FIELDS = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3, "movers": 4}
 """Terms of this project, each with the index of the number of a PlanCost that has it."""
 
 
@@ -69,13 +69,15 @@ class PlanCost:
     """Penalties that keep the motion well defined, such as the thrust floor, and inside the box."""
     risk: float = 0.0
     """Expected loss by collisions due to noise, see terms/risk.py; 0 in the paper."""
+    movers: float = 0.0
+    """Cost of coming near announced movers, see terms/movers.py; 0 in the paper."""
     added: tuple[TermCost, ...] = ()
     """Terms that were added to these."""
 
     @classmethod
     def of(cls, terms: Iterable[TermCost]) -> "PlanCost":
         """Collect evaluated terms by their names."""
-        own, added = [0.0] * 4, []
+        own, added = [0.0] * len({*COST_FIELDS.values()}), []
         for term in terms:
             if term.name in COST_FIELDS:
                 own[COST_FIELDS[term.name]] += term.value
@@ -86,7 +88,8 @@ class PlanCost:
     @property
     def total(self) -> float:
         """Sum of all terms: J."""
-        return self.collision + self.control + self.limits + self.risk + sum(term.value for term in self.added)
+        own = self.collision + self.control + self.limits + self.risk + self.movers
+        return own + sum(term.value for term in self.added)
 
 
 @dataclass(frozen=True)

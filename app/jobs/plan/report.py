@@ -61,6 +61,8 @@ def _cost(cost: PlanCost) -> dict[str, Any]:
     terms: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
     if cost.risk:
         terms["risk"] = cost.risk
+    if cost.movers:
+        terms["movers"] = cost.movers
     if cost.added:
         terms["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
     return terms

@@ -10,7 +10,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.geometry.linear import root_of
-from nerfnav.planner.kernels.quadrotor import collision_and_risk_at, effort_at, gradient_at, room_for
+from nerfnav.planner.kernels.quadrotor import effort_at, gradient_at, room_for, surroundings_at
 
 
 @kernel()
@@ -54,7 +54,7 @@ def inverse_of_shifted(matrix, prior, out):
 def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
     """Go on from step `at` of a search up to step `until`, or to where J has settled.
 
-    `trace` is (points (n, k), gradients (n, k), terms of J (n, 4)); `inverses` the inverse Hessian (k, k), which is
+    `trace` is (points (n, k), gradients (n, k), terms of J (n, 5)); `inverses` the inverse Hessian (k, k), which is
     updated in place, and the one that the search began with; `fresh` says whether they are equal. `rule` is (that of
     `_search_along`, damping, patience, tolerance, least), see NewtonConfig. Returns the last step, whether J has
     settled there, and `fresh`.
@@ -78,7 +78,7 @@ def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
 @kernel()
 def _total(terms, at):
     """J at a step."""
-    return terms[at, 0] + terms[at, 1] + terms[at, 2] + terms[at, 3]
+    return terms[at, 0] + terms[at, 1] + terms[at, 2] + terms[at, 3] + terms[at, 4]
 
 
 @kernel()
@@ -144,8 +144,8 @@ def _search_along(trace, at, direction, lengths, parts, rule, room):
         if _share(terms[1] + terms[2] - total, slope, length) <= low:
             length *= low
             continue
-        terms[0], terms[3] = collision_and_risk_at(body, space, weights, room)
-        gain = terms[0] + terms[1] + terms[2] + terms[3] - total
+        terms[0], terms[3], terms[4] = surroundings_at(body, space, weights, room)
+        gain = terms[0] + terms[1] + terms[2] + terms[3] + terms[4] - total
         if gain <= armijo * length * slope:
             gradient_at(tried, task, room, gradient)
             return True

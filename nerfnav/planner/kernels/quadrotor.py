@@ -5,8 +5,8 @@ through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at
 which densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
-`interpolate_chance` asks for, its `by_distance`, and the body's half edges for `outside`); `weights` those of
-collision, limits, leaving the box and risk.
+`interpolate_chance` asks for, its `by_distance`, the body's half edges for `outside`, and what `nearness` asks for of
+movers); `weights` those of collision, limits, leaving the box, risk and movers.
 """
 
 import math
@@ -15,6 +15,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
+from nerfnav.planner.kernels.movers import nearness
 from nerfnav.planner.kernels.terms import STANDSTILL, control, outside, risk
 from nerfnav.robots.kernels.quadrotor import adjoint, limits, motion
 
@@ -170,19 +171,22 @@ def effort_at(free, task, body, space, weights, room):
 
 
 @kernel()
-def collision_and_risk_at(body, space, weights, room):
-    """Collision and risk of J of the motion in the room; adds their derivatives.
+def surroundings_at(body, space, weights, room):
+    """Collision, risk and nearness of movers of J of the motion in the room; adds their derivatives.
 
-    With weights of 0 the field is not evaluated.
+    With weights of 0 nothing of it is evaluated.
     """
     (position, _, rotation, _, action), (by_position, by_rotation, _) = room
-    met, risked = 0.0, 0.0
+    met, risked, near = 0.0, 0.0, 0.0
+    path = position[: action.shape[0] + 1]
+    if weights[4] != 0.0:
+        fractions, boxes, deviation, depth = space[10]
+        near = nearness(path, fractions, boxes, deviation, depth, weights[4], by_position)
     if weights[3] != 0.0:
-        path = position[: action.shape[0] + 1]
         risked = risk(path, rotation, body[1], space[7], space[8], weights[3], by_position, by_rotation)
     if weights[0] != 0.0:
         met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
-    return met, risked
+    return met, risked, near
 
 
 @kernel()
@@ -196,12 +200,12 @@ def gradient_at(free, task, room, gradient):
 
 @kernel()
 def evaluate(free, task, body, space, weights, gradient):
-    """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k)."""
+    """Collision, control, the penalties, risk and movers of J at `free` (k); fills the gradient (k)."""
     room = room_for(free.shape[0])
     effort, over = effort_at(free, task, body, space, weights, room)
-    met, risked = collision_and_risk_at(body, space, weights, room)
+    met, risked, near = surroundings_at(body, space, weights, room)
     gradient_at(free, task, room, gradient)
-    return met, effort, over, risked
+    return met, effort, over, risked, near
 
 
 @kernel()
@@ -210,8 +214,8 @@ def evaluate_motion(motion, task, body, space, weights):
     times, steps = motion[0].shape[0], motion[4].shape[0]
     room = motion, (np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4)))
     effort, over = _effort(room[0], room[1], task, space, weights)
-    met, risked = collision_and_risk_at(body, space, weights, room)
-    return met, effort, over, risked
+    met, risked, near = surroundings_at(body, space, weights, room)
+    return met, effort, over, risked, near
 
 
 @kernel()
@@ -235,13 +239,13 @@ it, and each of those in actions up to two steps before."""
 
 @kernel()
 def effort_curvature(free, task, body, space, weights, steps):
-    """Differences (k, k) of the gradient over `steps` (k) of each free number, without the collision term.
+    """Differences (k, k) of the gradient over `steps` (k) of each free number, of effort and penalties alone.
 
     Free numbers too far apart to count in the same action are moved together (Curtis, Powell and Reid 1974): the number
     of evaluations does not grow with the number of time steps.
     """
     count = free.shape[0]
-    still = (0.0, weights[1], weights[2], 0.0)
+    still = (0.0, weights[1], weights[2], 0.0, 0.0)
     here, ahead, moved = np.empty(count), np.empty(count), free.copy()
     times, kinds = np.empty(count, np.int64), np.empty(count, np.int64)
     headings = count - (count + 4) // 4

@@ -29,6 +29,7 @@ from nerfnav.planner.steps import COST_FIELDS, PlanCost, TermCost
 from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.limits import LIMITS
+from nerfnav.planner.terms.movers import mover_arguments
 from nerfnav.planner.terms.outside import OUTSIDE
 from nerfnav.planner.terms.risk import RISK, chance_grid_of
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
@@ -120,14 +121,21 @@ class FusedObjective:
     def of(cls, context: TermContext, terms: Sequence[CostTerm], flat: FlatMap) -> "FusedObjective | None":
         """Make J for a map between two ends; None where the kernels do not have all that it takes."""
         field, weights = context.field, context.weights
-        counted = len(terms) == len(_KNOWN) and all(any(term is known for term in terms) for known in _KNOWN)
+        moving = next((term for term in terms if term.fused is not None), None)
+        standing = [term for term in terms if term is not moving]
+        counted = len(standing) == len(_KNOWN) and all(any(term is known for term in standing) for known in _KNOWN)
         if not (counted and isinstance(flat, QuadrotorMap) and isinstance(field, DensityGrid)):
             return None
         gamma = CONTROL.weighed(weights) * np.array(context.robot.action_weights)
         fractions = (np.arange(weights.samples_per_step) + 0.5) / weights.samples_per_step
         body = (context.body.points_body.double().cpu().numpy(), fractions)
-        weighed = tuple(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK))
-        space = (*field.density_grid, *chance_grid_of(context), reach_of(context.body))
+        near = 0.0 if moving is None else float(moving.weighed(weights))
+        weighed = (*(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK)), near)
+        steps = len(flat.action)
+        movers = mover_arguments(None, 0.0, context, steps, flat.dt)
+        if moving is not None and moving.fused is not None:
+            movers = moving.fused(context, steps, flat.dt)
+        space = (*field.density_grid, *chance_grid_of(context), reach_of(context.body), movers)
         return cls(((*flat.constants, gamma), body, space, weighed))
 
     def __call__(self, free: np.ndarray) -> Evaluation:
@@ -173,8 +181,8 @@ class Objective:
         """Sum up `terms` for motions along `route`; `flat` saves making the robot's flatness map again."""
         terms = tuple(terms)
         self._map = flat or context.robot.flat_map(route.start, route.goal, route.steps, route.dt)
-        known = [term for term in terms if term in _KNOWN]
-        beside = [term for term in terms if term not in _KNOWN]
+        known = [term for term in terms if term in _KNOWN or term.fused is not None]
+        beside = [term for term in terms if term not in known]
         self._base = None
         if not any(term.preconditions for term in beside):
             self._base = FusedObjective.of(context, known, self._map)
@@ -198,7 +206,7 @@ class Objective:
         if self.fused is not None:
             return self.fused(free)
         base = None if self._base is None else self._base(free)
-        flat, by, own = self._map, self._forward(free), [0.0] * 4
+        flat, by, own = self._map, self._forward(free), [0.0] * len({*COST_FIELDS.values()})
         for place, kernel in self._own:
             own[place] += kernel(flat, by)
         added = tuple([timed(flat, by) for timed in self._added])

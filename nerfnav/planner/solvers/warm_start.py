@@ -41,7 +41,6 @@ from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.space.scales import scales_of
 from nerfnav.planner.steps import FLYABLE, PlanOutcome, PlanResult, PlanSteps, Restart
 from nerfnav.planner.terms.delay import DELAY
-from nerfnav.planner.terms.movers import movers_term
 from nerfnav.planner.terms.term import evaluate
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap_angles
@@ -210,10 +209,8 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
         return 0.0
     flat = problem.robot.flat_map(rest.states[0], rest.states[-1], left, rest.dt)
     context = problem.context(config.weights)
-    fused = FusedObjective.of(context, problem.terms, flat)
-    total = evaluate(problem.terms, context, rest).total.item() if fused is None else fused.of_motion(rest).total
-    if problem.movers is not None:
-        total += movers_term(problem.movers, problem.time).cost(context, rest).item()
+    fused = FusedObjective.of(context, problem.counted, flat)
+    total = evaluate(problem.counted, context, rest).total.item() if fused is None else fused.of_motion(rest).total
     return total * max(1.0, problem.steps / left)
 
 

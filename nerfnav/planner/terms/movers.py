@@ -13,10 +13,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.planner.kernels import movers as kernels
-from nerfnav.planner.moving.movers import MoverBoxes, Movers
+from nerfnav.planner.moving.movers import Movers
 from nerfnav.planner.risk.tracking_error import tracking_deviations
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion
+
+MoverArguments = tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray], float, float]
+"""First arguments of the kernel `nearness` after the positions."""
 
 _PRICE = 100.0
 """Cost of a step in which a mover is touched for certain [J]: that of a collision by noise in flights."""
@@ -38,35 +41,43 @@ def deviation_of(context: TermContext) -> float:
 
 def movers_term(movers: Movers, time: float) -> CostTerm:
     """Make the term of plans that begin at a time of the flight [s]."""
-    fractions = (np.arange(_PARTS) + 0.5) / _PARTS
-
-    def boxes_of(context: TermContext, steps: int, dt: float) -> MoverBoxes:
-        times = time + dt * (np.arange(steps)[:, None] + fractions)
-        return movers.boxes(times.ravel(), context.robot.body)
 
     def value(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-        position, deviation = motion.states.position, deviation_of(context)
-        boxes = boxes_of(context, position.shape[-2] - 1, motion.dt)
-        axes, halves = (torch.from_numpy(part).to(position) for part in (boxes.axes, boxes.halves))
+        position = motion.states.position
+        fractions, (centers, axes, halves), deviation, depth = arguments(context, position.shape[-2] - 1, motion.dt)
         share = torch.from_numpy(fractions).to(position)[:, None]
         along = position[..., :-1, None, :] + share * position.diff(dim=-2)[..., None, :]
-        off = along.flatten(-3, -2)[..., None, :] - torch.from_numpy(boxes.centers).to(position)
-        gap = torch.einsum("mij,...mj->...mi", axes, off).abs() - halves
+        off = along[..., None, :] - torch.from_numpy(centers).to(position)
+        gap = torch.einsum("mij,...mj->...mi", torch.from_numpy(axes).to(position), off).abs()
+        gap = gap - torch.from_numpy(halves).to(position)
         outside = (gap.clamp_min(0).square().sum(-1) + 1e-24).sqrt()
         distance = torch.where(gap.amax(-1) > 0, outside, gap.amax(-1))
-        cost = torch.special.ndtr(-distance / deviation) + (distance.clamp_max(0) / _DEPTH).square()
-        return torch.where(distance > 6 * deviation, torch.zeros_like(cost), cost).sum((-2, -1)) / _PARTS
+        cost = torch.special.ndtr(-distance / deviation) + (distance.clamp_max(0) / depth).square()
+        return torch.where(distance > 6 * deviation, torch.zeros_like(cost), cost).sum((-3, -2, -1)) / len(fractions)
 
     def kernel(context: TermContext, weight: float) -> Kernel:
-        deviation, known = deviation_of(context), dict[tuple[int, float], tuple[np.ndarray, ...]]()
+        known = dict[tuple[int, float], MoverArguments]()
 
-        def weighted(flat: FlatMap, by: Adjoint) -> float:
+        def weighed(flat: FlatMap, by: Adjoint) -> float:
             at = (len(flat.position) - 1, flat.dt)
             if at not in known:
-                boxes = boxes_of(context, *at)
-                known[at] = boxes.centers.reshape(at[0], _PARTS, -1, 3), boxes.axes, boxes.halves
-            return kernels.nearness(flat.position, fractions, known[at], deviation, _DEPTH, weight, by.position)
+                known[at] = arguments(context, *at)
+            return kernels.nearness(flat.position, *known[at], weight, by.position)
 
-        return weighted
+        return weighed
 
-    return CostTerm("movers", value, _PRICE, kernel)
+    def arguments(context: TermContext, steps: int, dt: float) -> MoverArguments:
+        return mover_arguments(movers, time, context, steps, dt)
+
+    return CostTerm("movers", value, _PRICE, kernel, fused=arguments)
+
+
+def mover_arguments(movers: Movers | None, time: float, context: TermContext, steps: int, dt: float) -> MoverArguments:
+    """Return what the kernel asks for: fractions of a step, boxes at them, the deviation [m] and the depth [m]."""
+    fractions = (np.arange(_PARTS) + 0.5) / _PARTS
+    if movers is None:
+        return fractions, (np.zeros((steps, _PARTS, 0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3))), 1.0, _DEPTH
+    times = time + dt * (np.arange(steps)[:, None] + fractions)
+    boxes = movers.boxes(times.ravel(), context.robot.body)
+    centers = boxes.centers.reshape(steps, _PARTS, -1, 3)
+    return fractions, (centers, boxes.axes, boxes.halves), deviation_of(context), _DEPTH

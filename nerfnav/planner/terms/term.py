@@ -86,6 +86,8 @@ class CostTerm:
     kernel: Callable[[TermContext, float], Kernel] | None = None
     """Constructor of its compiled twin for a context and a weight; None: by autograd, which takes a part of a
     millisecond or more for each iteration, see TermCost.ms."""
+    fused: Callable[[TermContext, int, float], tuple] | None = None
+    """Arguments of its kernel for so many steps of dt [s], where that is part of the whole J in one call."""
     preconditions: bool = False
     """True if the fast planner's first inverse Hessian has its curvature: for terms that are cheap and nearly
     quadratic."""
