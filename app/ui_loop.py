@@ -43,6 +43,7 @@ class UiLoop:
         self._inbox: queue.SimpleQueue[Action | None] = queue.SimpleQueue()
         self.stopping = threading.Event()
         """Set once `stop` was called."""
+        self._ticked_at: float | None = None
         self._thread = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
 
     def start(
@@ -104,11 +105,18 @@ class UiLoop:
         return max(shown_at + frame, time.monotonic() + _SETTLED_S)
 
     def _next(self) -> Action | None:
-        """The next message, or that a frame has passed where something moves by itself."""
+        """The next message, or the time that has passed where something moves by itself: in real time, however long the
+        page took to be shown."""
+        moves, now = self.session.moves, time.monotonic()
+        if not moves or self._ticked_at is None:
+            self._ticked_at = now if moves else None
+        wait = None if self._ticked_at is None else max(0.0, self._ticked_at + _FRAME_S - now)
         try:
-            return self._inbox.get(timeout=_FRAME_S if self.session.moves else None)
+            return self._inbox.get(timeout=wait)
         except queue.Empty:
-            return Tick(_FRAME_S)
+            assert self._ticked_at is not None, "only what moves by itself waits for a frame"
+            before, self._ticked_at = self._ticked_at, time.monotonic()
+            return Tick(self._ticked_at - before)
 
     def _take(self, message: Action) -> bool:
         """Let the session move on; whether the page may have to change."""

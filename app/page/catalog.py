@@ -16,6 +16,7 @@ from nerfnav_app.page.layers.ends import EndsLayer
 from nerfnav_app.page.layers.field_backdrop import FieldBackdropLayer
 from nerfnav_app.page.layers.flight import FlightLayer
 from nerfnav_app.page.layers.global_localization import GlobalLocalizationLayer
+from nerfnav_app.page.layers.movers import MoversLayer
 from nerfnav_app.page.layers.notices import NoticesLayer
 from nerfnav_app.page.layers.obstacles import ObstaclesLayer
 from nerfnav_app.page.layers.overlays import OverlaysLayer
@@ -42,6 +43,7 @@ def layers(page: Page) -> tuple[Panel, ...]:
         FieldBackdropLayer(server, page.post),
         EndsLayer(server, page.post),
         ObstaclesLayer(server, page.post),
+        MoversLayer(server),
         PlanLayer(server),
         FlightLayer(server),
         CameraModesLayer(server),

@@ -44,7 +44,8 @@
   }, true);
 
   // viser writes keys as browsers name them.
-  const KEYS = {pageup: "Page Up", pagedown: "Page Down", space: "Space"}, NAMES = /\b(pageup|pagedown|space)\b(?=\)?$)/;
+  const KEYS = {pageup: "Page Up", pagedown: "Page Down", space: "Space", escape: "Esc"};
+  const NAMES = /\b(pageup|pagedown|space|escape)\b(?=\)?$)/;
   new MutationObserver(() => {
     for (const text of document.querySelectorAll(".mantine-Spotlight-actionDescription")) {
       const node = text.firstChild;

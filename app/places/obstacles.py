@@ -16,12 +16,9 @@ from nerfnav.obstacles import (
     CutOut,
     Held,
     Obstacle,
-    ObstacleEntry,
     ObstacleSet,
-    obstacle_of,
     place_in_field,
     place_in_scene,
-    read_obstacle_entries,
     read_obstacles,
     replace_in_field,
     require_placeable,
@@ -50,22 +47,11 @@ def open_with_obstacles(place: Place, path: Path) -> Place:
         raise InvalidInputError(f"{path}: {error}") from error
 
 
-def read_standing(path: Path) -> tuple[ObstacleEntry, ...]:
-    """Read the entries of a file. Raises InvalidInputError where it cannot be read, or an obstacle moves."""
-    entries = read_obstacle_entries(path)
-    for entry in entries:
-        try:
-            require_standing(obstacle_of(entry))
-        except InvalidInputError as error:
-            raise InvalidInputError(f"{path}: {error}") from error
-    return entries
-
-
-def require_standing(obstacle: Obstacle) -> None:
-    """Raise InvalidInputError for an obstacle that moves."""
-    if obstacle.moves:
+def require_standing(path: Path) -> None:
+    """Raise InvalidInputError for a file that cannot be read, or in which an obstacle moves."""
+    for obstacle in read_obstacles(path).moving:
         raise InvalidInputError(
-            f"the obstacle {obstacle.name!r} moves, and here obstacles stand: leave its motion out"
+            f"{path}: the obstacle {obstacle.name!r} moves, and here obstacles stand: leave its motion out"
         )
 
 
@@ -129,17 +115,18 @@ def _standing(obstacles: ObstacleSet) -> ObstacleSet:
     return ObstacleSet(tuple(obstacle for obstacle in obstacles.obstacles if not obstacle.moves))
 
 
-def find_touched(obstacles: Iterable[Obstacle], robot: Robot, state: RigidState) -> Obstacle | None:
-    """Find an obstacle that a robot in a state touches; None where it touches none."""
+def find_touched(obstacles: Iterable[Obstacle], robot: Robot, state: RigidState, time: float = 0.0) -> Obstacle | None:
+    """Find an obstacle that a robot in a state touches at a time of the flight [s]; None where it touches none."""
     points, middle = robot.body.points_at(state).double().numpy(), state.position.double().numpy()
     for obstacle in obstacles:
-        if bool((obstacle.signed_distance(points) <= 0).any()) or _fits_inside(obstacle, robot.body.radius, middle):
+        touched = bool((obstacle.signed_distance(points, time) <= 0).any())
+        if touched or _fits_inside(obstacle, robot.body.radius, middle, time):
             return obstacle
     return None
 
 
-def _fits_inside(obstacle: Obstacle, radius: float, middle: Float[np.ndarray, "3"]) -> bool:
+def _fits_inside(obstacle: Obstacle, radius: float, middle: Float[np.ndarray, "3"], time: float) -> bool:
     """Check for an obstacle that may be between the points of a body."""
-    boxes = ObstacleSet((obstacle,)).boxes([0.0])
+    boxes = ObstacleSet((obstacle,)).boxes([time])
     farthest = np.abs(boxes.centers[0, 0] - middle) + boxes.halves[0]
     return bool(np.linalg.norm(farthest) <= radius)

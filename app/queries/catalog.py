@@ -33,6 +33,7 @@ _KINDS: list[type[Query[Any]]] = [
     place_list.PlaceListQuery,
     click_landing.ClickLandingQuery,
     placed_obstacles.ObstacleLandingQuery,
+    placed_obstacles.WayPointQuery,
     placed_obstacles.PlacedObstaclesQuery,  # which changes what plans are made in
     ground.GroundQuery,  # which moves the ends of plans
     surface_point.SurfacePointQuery,

@@ -31,9 +31,12 @@ def check_fit(seen: Place, which: EndRole, end: End, unknown: UnknownSpace = Unk
     placed = () if place.obstacles is None else place.obstacles.obstacles
     occupancy = build_occupancy(place, OccupancyConfig(), end.position[2])
     if fits(place.field, body, state, occupancy.scales.threshold):
-        return EndFit(None)
+        movers = [obstacle for obstacle in placed if obstacle.moves and which is EndRole.START]
+        met = find_touched(movers, place.robot, state)
+        return EndFit(None if met is None else f"the {name} is where the obstacle {met.name!r} is at take-off.")
     nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit_in(seen, state, unknown)
-    if (touched := find_touched(placed, place.robot, state)) is not None:
+    standing = [obstacle for obstacle in placed if not obstacle.moves]
+    if (touched := find_touched(standing, place.robot, state)) is not None:
         wrong = f"is where the obstacle {touched.name!r} stands"
     if nearest is None:
         return EndFit(f"the {name} {wrong}, far from any free point.")

@@ -75,9 +75,9 @@ class FollowingPlanQuery(Query[SessionPlan]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["FollowingPlanQuery"]:
-        """Ask where the plan is not up to date, and the planner is quick enough."""
+        """Ask where the plan is not up to date, and the planner is quick enough; not between the clicks of a path."""
         plan = session.plan
-        if plan is None or session.job is not None or session.flight_is_shown:
+        if plan is None or session.job is not None or session.flight_is_shown or session.drawing is not None:
             return
         stale = session.plan_is_stale or (plan.draft and not session.held)
         if stale and planners.load(session.choice.planner).real_time:

@@ -1,4 +1,5 @@
-"""Queries for obstacles: the place with those of the page in it, and the position at which a click places a new one."""
+"""Queries for obstacles: the place with those of the page in it, and the position at which a click places a new one, or
+the next point of a path."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,14 +11,14 @@ from nerfnav.field import Field, GridField
 from nerfnav.obstacles import ObstacleSet, require_placeable
 from nerfnav.planner import planners
 from nerfnav.robots import RigidState
-from nerfnav_app.places.obstacles import find_touched, place_obstacles, require_standing, take_up
+from nerfnav_app.places.obstacles import find_touched, place_obstacles, take_up
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.click_landing import intersect_ray
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice
-from nerfnav_app.reducers.obstacles import add_obstacle
+from nerfnav_app.reducers.obstacles import add_obstacle, add_way_point
 from nerfnav_app.state.alignment import Vector
-from nerfnav_app.state.obstacles import ObstacleKind, PlacedObstacle, free_name, new_obstacle
+from nerfnav_app.state.obstacles import ObstacleKind, PathPoint, PlacedObstacle, free_name, new_obstacle
 from nerfnav_app.state.place import Click
 from nerfnav_app.state.session import Session
 
@@ -45,6 +46,8 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
     """Name of the one that the user drags, where the planner takes it for one that moves."""
     robot_at: RigidState | None = field(default=None, compare=False)
     """True state of a robot that flies, on which none is dropped."""
+    time: float = field(default=0.0, compare=False)
+    """Time of the flight then [s]."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["PlacedObstaclesQuery"]:
@@ -53,7 +56,7 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
         if place is not None and (wanted or place.obstacles is not None):
             flown = session.flight.steps[-1:] if session.flight is not None and session.in_flight else ()
             in_hand = session.in_hand if planners.load(session.choice.planner).avoids_movers else None
-            yield cls(wanted, in_hand, flown[0].truth if flown else None)
+            yield cls(wanted, in_hand, flown[0].truth if flown else None, flown[0].time if flown else 0.0)
 
     def answer(self, resources: Resources) -> ObstaclesPlaced:
         """Place all that can be placed: a field on a grid holds those inside it, but for the one in a hand."""
@@ -69,9 +72,10 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
         return ObstaclesPlaced(place, problems)
 
     def _check(self, placed: PlacedObstacle, bare: Place) -> None:
-        require_standing(placed.obstacle)
-        require_placeable(bare.field, placed.obstacle)
-        if self.robot_at is not None and find_touched([placed.obstacle], bare.robot, self.robot_at) is not None:
+        if not placed.moves:
+            require_placeable(bare.field, placed.obstacle)
+        robot, at = bare.robot, self.robot_at
+        if at is not None and find_touched([placed.obstacle], robot, at, self.time) is not None:
             raise InvalidInputError(f"the obstacle {placed.name!r} is where the robot flies: move it away")
 
     def apply(self, session: Session, result: ObstaclesPlaced) -> Session:
@@ -128,6 +132,49 @@ class ObstacleLandingQuery(Query[PlacedObstacle | None]):
             text = f"The click met nothing to put the {self.kind.value} on."
             return add_notice(done, "Nothing there", text, bad=True)
         return add_obstacle(done, result)
+
+
+@dataclass(frozen=True)
+class WayPointQuery(Query[Vector | None]):
+    """Query for the way point [m] that a click adds to a path; None where the click points nowhere."""
+
+    click: Click
+    name: str
+    """The obstacle that moves along the path."""
+    height: float
+    """Height of the obstacle [m], which it keeps."""
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["WayPointQuery"]:
+        """Ask for a click while a path is drawn."""
+        click, placed = session.clicked, session.drawing
+        if click is not None and click.which is PathPoint.NEXT and placed is not None:
+            yield cls(click, placed.name, placed.entry.position[2])
+
+    def answer(self, resources: Resources) -> Vector | None:
+        """Go to where the ray passes the height of the obstacle or, before that, below or above where it meets a
+        surface."""
+        ray = self.click.ray
+        start, along = np.array(ray.origin), np.array(ray.direction) / np.linalg.norm(ray.direction)
+        met, fall = intersect_ray(resources.place.field, ray), (self.height - start[2]) * along[2]
+        far = (self.height - start[2]) / along[2] if fall > 0 else np.inf
+        near = np.inf if met is None else float(np.linalg.norm(np.array(met) - start))
+        if not np.isfinite(min(far, near)):
+            return None
+        x, y, _ = (start + min(far, near) * along).round(4).tolist()
+        return x, y, self.height
+
+    def apply(self, session: Session, result: Vector | None) -> Session:
+        """Add it, unless another click came or the path has ended."""
+        placed, place = session.drawing, session.place
+        if session.clicked != self.click or place is None:
+            return session
+        done = replace(session, clicked=None)
+        if placed is None or placed.name != self.name:
+            return done
+        if result is None:
+            return add_notice(done, "Nothing there", "The click points at nothing: click inside the place.", bad=True)
+        return add_way_point(done, place, placed, result)
 
 
 def _side_of(field: Field, met: Vector, along: Vector) -> np.ndarray:

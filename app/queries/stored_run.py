@@ -8,8 +8,10 @@ from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.reducers.runs import compare_run, show_run
 from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.obstacles import read_placed
 from nerfnav_app.state.runs import RunRequest, StoredFlight
 from nerfnav_app.state.session import Session
+from nerfnav_app.storage.kept_obstacles import KEPT
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.text import sentence
 
@@ -56,8 +58,9 @@ class StoredRunQuery(Query[StoredRunResult]):
 
 
 def load_flight(store: RunStore, name: str) -> StoredFlight:
-    """Load a run as the record of a flight. Raises NerfnavError where it cannot be read."""
+    """Load a run as the record of a flight, with its obstacles. Raises NerfnavError where it cannot be read."""
     entry, steps = store.entry(name), store.steps(name)
     metadata = entry.metadata
     record = FlightRecord(metadata.ends, steps, plan=steps[-1].plan, summary=metadata.metrics)
-    return StoredFlight(entry, record)
+    kept = store.path(name) / KEPT
+    return StoredFlight(entry, record, read_placed(kept) if kept.is_file() else ())

@@ -21,7 +21,8 @@ _STEPS = (
 def record_step(before: Session, after: Session, action: m.Action) -> Session:
     """Record `before` as a step that can be undone, where `action` has changed the session's request."""
     landed = isinstance(action, m.QueryAnswered) and before.clicked is not None and after.clicked is None
-    if after.place is None or before.place is None or not (landed or isinstance(action, _STEPS)):
+    opened = isinstance(action, m.QueryAnswered) and after.runs.opened is not before.runs.opened
+    if after.place is None or before.place is None or not (landed or opened or isinstance(action, _STEPS)):
         return after
     then, history = before.moment, after.history
     if after.moment != then:

@@ -106,7 +106,7 @@ def begin_job(
     flight = FlightRecord(
         session.ends, flown_by=session.flown_by, flown_in=session.field_made_by, obstacles=session.placed_obstacles
     )
-    return replace(fresh, plan=job.first_plan, flight=flight)
+    return replace(fresh, plan=job.first_plan, flight=flight, motion_time=None)
 
 
 def _begin_plan(session: Session) -> Session:

@@ -14,10 +14,12 @@ from nerfnav_app.places.sources import title_of
 from nerfnav_app.places.vantage import view_of_whole_box
 from nerfnav_app.reducers.common import add_notice, enter_place, move_end, type_end
 from nerfnav_app.reducers.jobs import begin_job, discard_results
+from nerfnav_app.reducers.obstacles import end_path
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import alignment as p
 from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.obstacles import PathPoint
 from nerfnav_app.state.place import Choice, Click
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMoved, CameraRested, TabAction, TabClosed, to_point
@@ -56,6 +58,8 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
             return make_choice(session, place, choice)
         case m.AimEnd(which) if which is not None and session.alignment.is_moving:
             return add_notice(session, *p.UNFINISHED, bad=True)
+        case m.AimEnd(None):
+            return replace(end_path(session), aiming=None)
         case m.AimEnd(which):
             return replace(session, aiming=which, alignment=replace(session.alignment, pointing=None))
         case m.ClickScene(ray):
@@ -113,6 +117,9 @@ def _point(session: Session, ray: Ray) -> Session:
         if placing.pointing is None:
             return session
         return replace(session, alignment=replace(placing, clicked=ray))
+    if session.aiming is PathPoint.NEXT:
+        drawn = session.drawing is not None  # it may be gone, and else it has further points
+        return replace(session, clicked=Click(session.aiming, ray)) if drawn else replace(session, aiming=None)
     return replace(session, clicked=Click(session.aiming, ray), aiming=None)
 
 

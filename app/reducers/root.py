@@ -5,7 +5,7 @@ from dataclasses import replace
 from nerfnav_app.reducers import history, jobs, place, runs
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.reducers.job_reports import apply_report
-from nerfnav_app.reducers.obstacles import command_obstacles
+from nerfnav_app.reducers.obstacles import command_obstacles, play_motions
 from nerfnav_app.reducers.settings import adjust_setting, reset_settings
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.alignment import AlignmentAction, UndoAlignment
@@ -31,7 +31,7 @@ def _reduce(session: Session, message: m.Action) -> Session:
             wanted = session.job is not None and session.job.id == job
             return apply_report(session, event) if wanted else session
         case m.Tick(seconds):
-            return runs.roll_timeline(_advance_replay(session, seconds), seconds)
+            return runs.roll_timeline(play_motions(_advance_replay(session, seconds), seconds), seconds)
         case m.Notify(title, body, bad):
             return add_notice(session, title, body, bad)
         case _:

@@ -88,7 +88,7 @@ def roll_timeline(session: Session, seconds: float) -> Session:
 
 
 def show_run(session: Session, stored: StoredFlight) -> Session:
-    """Show a stored flight as the flight of the session, with its robot and its ends."""
+    """Show a stored flight as the flight of the session, with its robot, its ends and its obstacles."""
     place, about = session.place, stored.entry.metadata
     if place is None or session.growing:
         return session
@@ -102,7 +102,8 @@ def show_run(session: Session, stored: StoredFlight) -> Session:
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
         seeking=False, problems={}, offers={}, outside={}, plan=None, flight=stored.record, track=None, search=None,
-        comparison=(), results={}, runs=replace(session.runs, opened=stored, timeline=timeline),
+        comparison=(), results={}, obstacles=stored.obstacles, chosen=None, aiming=None, motion_time=None,
+        runs=replace(session.runs, opened=stored, timeline=timeline),
     )  # fmt: skip
 
 

@@ -8,11 +8,15 @@ from typing import Any
 
 import msgspec
 
-from nerfnav.obstacles import CutOut, Obstacle, ObstacleEntry, obstacle_of
-from nerfnav_app.places.obstacles import read_standing
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.obstacles import CutOut, Obstacle, ObstacleEntry, WayPointsEntry, obstacle_of, read_obstacle_entries
 
 _THINNEST, _LONGEST = 0.005, 1000.0
 """Range of lengths of obstacles [m]."""
+SPEED = 0.5
+"""Speed of a new path [m/s]."""
+_SLOWEST, _FASTEST = 0.01, 50.0
+"""Range of speeds that the page sets [m/s]."""
 
 
 class ObstacleKind(Enum):
@@ -38,6 +42,12 @@ class ObstacleKind(Enum):
                 return {"sphere": 0.5 * size}
             case ObstacleKind.CYLINDER:
                 return {"cylinder": {"radius": 0.5 * size, "height": size}}
+
+
+class PathPoint(Enum):
+    """Target of clicks that draw the path of the chosen obstacle, besides ends and new obstacles."""
+
+    NEXT = "next way point"
 
 
 class GizmoMode(Enum):
@@ -78,6 +88,38 @@ class PlacedObstacle:
         """Replace parts of the entry."""
         entry = msgspec.convert({**msgspec.to_builtins(self.entry), **parts}, ObstacleEntry)
         return replace(self, entry=entry)
+
+    @property
+    def moves(self) -> bool:
+        """True for an obstacle that has a motion."""
+        return self.entry.motion is not None
+
+    @property
+    def path(self) -> WayPointsEntry | None:
+        """The way points along which it moves; None where it stands or moves otherwise."""
+        return None if self.entry.motion is None else self.entry.motion.way_points
+
+    @property
+    def may_have_path(self) -> bool:
+        """True for an obstacle whose path can be drawn: parts of the field stand, and motions of a file stay."""
+        return not self.selects and self.entry.cut_out is None and (self.path is not None or not self.moves)
+
+    def with_way_point(self, point: tuple[float, float, float]) -> "PlacedObstacle":
+        """Add a way point [m] to the path, which begins where the obstacle stands at take-off."""
+        x, y, z = (round(there - here, 4) for there, here in zip(point, self.entry.position, strict=True))
+        path = self.path
+        points = [(0.0, 0.0, 0.0)] if path is None else path.points
+        speed, closed = (SPEED, True) if path is None else (path.speed, path.closed)
+        return self._along([*points, (x, y, z)], speed, closed)
+
+    def with_pace(self, speed: float, closed: bool) -> "PlacedObstacle":
+        """Set the speed of the path [m/s], and whether it is closed. Raises InvalidInputError for absurd speeds."""
+        if not _SLOWEST <= speed <= _FASTEST:
+            raise InvalidInputError(f"the speed of a path is from {_SLOWEST:g} to {_FASTEST:g} m/s, not {speed:g}")
+        return self if self.path is None else self._along(self.path.points, speed, closed)
+
+    def _along(self, points: list[tuple[float, float, float]], speed: float, closed: bool) -> "PlacedObstacle":
+        return self.changed(motion={"way_points": {"points": points, "speed": speed, "closed": closed}})
 
     def separated(self, name: str) -> "PlacedObstacle":
         """Make an obstacle of the part of the field in this volume."""
@@ -162,7 +204,43 @@ class SeparateObstacle:
     """The volume."""
 
 
-ObstacleAction = ChooseObstacle | ChooseMode | ChangeObstacle | CopyObstacle | DeleteObstacle | SeparateObstacle
+@dataclass(frozen=True)
+class ChangePace:
+    """Change how an obstacle moves along its way points."""
+
+    name: str
+    """The obstacle."""
+    speed: float
+    """[m/s]"""
+    closed: bool
+    """The first way point follows the last one, without end."""
+
+
+@dataclass(frozen=True)
+class RemoveMotion:
+    """Let an obstacle stand."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class PlayMotions:
+    """Move all obstacles from take-off on, or put them back."""
+
+    on: bool
+
+
+ObstacleAction = (
+    ChooseObstacle
+    | ChooseMode
+    | ChangeObstacle
+    | CopyObstacle
+    | DeleteObstacle
+    | SeparateObstacle
+    | ChangePace
+    | RemoveMotion
+    | PlayMotions
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +255,13 @@ class ObstacleState:
     """Effect of its handles."""
     in_hand: str | None = None
     """Name of the obstacle that the user drags."""
+    motion_time: float | None = None
+    """Time at which obstacles are shown while their motions are played [s]; None while they are not."""
+
+    @property
+    def movers(self) -> tuple[PlacedObstacle, ...]:
+        """The obstacles that are not hidden, and move."""
+        return tuple(each for each in self.visible_obstacles if each.moves)
 
     @property
     def chosen_obstacle(self) -> PlacedObstacle | None:
@@ -194,8 +279,8 @@ class ObstacleState:
 
 
 def read_placed(file: Path) -> tuple[PlacedObstacle, ...]:
-    """Read the obstacles of a file. Raises InvalidInputError where it cannot be read, or one of them moves."""
-    return tuple(map(PlacedObstacle, read_standing(file)))
+    """Read the obstacles of a file. Raises InvalidInputError where it cannot be read."""
+    return tuple(map(PlacedObstacle, read_obstacle_entries(file)))
 
 
 def free_name(obstacles: tuple[PlacedObstacle, ...], kind: str) -> str:

@@ -12,7 +12,7 @@ from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import USUAL, QualityName
 from nerfnav_app.state.alignment import AlignmentDraft, Ray
-from nerfnav_app.state.obstacles import ObstacleKind
+from nerfnav_app.state.obstacles import ObstacleKind, PathPoint
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,10 @@ class Choose:
 
 @dataclass(frozen=True)
 class AimEnd:
-    """Let the next click into the scene place an end, or a new obstacle; None: clicks place nothing."""
+    """Let the next click into the scene place an end or a new obstacle, or each click a way point; None: clicks place
+    nothing."""
 
-    which: EndRole | ObstacleKind | None
+    which: EndRole | ObstacleKind | PathPoint | None
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,10 @@ class ClickScene:
 
 @dataclass(frozen=True)
 class Click:
-    """A click into the scene that places an end, or a new obstacle."""
+    """A click into the scene that places an end, a new obstacle or a way point."""
 
-    which: EndRole | ObstacleKind
-    """The end, or the kind of the obstacle."""
+    which: EndRole | ObstacleKind | PathPoint
+    """The end, the kind of the obstacle, or the next point of a path."""
     ray: Ray
 
 
@@ -145,8 +146,8 @@ class PlaceState:
     """Typed ends outside of the place: shown until they are corrected, never used."""
     held: bool = False
     """True while the user drags an end or an obstacle."""
-    aiming: EndRole | ObstacleKind | None = None
-    """The end, or the kind of obstacle, that the next click into the scene places."""
+    aiming: EndRole | ObstacleKind | PathPoint | None = None
+    """The end, the kind of obstacle, or the point of a path that the next click into the scene places."""
     clicked: Click | None = None
     """A click whose target is being computed."""
     alignment: AlignmentDraft = field(default_factory=AlignmentDraft)

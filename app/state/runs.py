@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar, cast
 
 from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.obstacles import PlacedObstacle
 from nerfnav_app.state.tracks import TrackRecord
 from nerfnav_app.storage.run_metadata import StoredRun
 
@@ -75,6 +76,8 @@ class StoredFlight:
 
     entry: StoredRun
     record: FlightRecord
+    obstacles: tuple[PlacedObstacle, ...] = ()
+    """Obstacles of its place."""
 
 
 @dataclass(frozen=True)

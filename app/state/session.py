@@ -19,7 +19,7 @@ from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.vantage import View
 from nerfnav_app.state.flight import FlightRecord, FlightSettings, FlightState
 from nerfnav_app.state.job import Download, Job, JobKind, RefusedExport
-from nerfnav_app.state.obstacles import ObstacleState, PlacedObstacle
+from nerfnav_app.state.obstacles import ObstacleState, PathPoint, PlacedObstacle
 from nerfnav_app.state.place import Choice, OpenPlace, PlaceState
 from nerfnav_app.state.plan import PlanRecord, PlanSettings, PlanState
 from nerfnav_app.state.runs import ExperimentState, Runs, TimedRecord
@@ -234,7 +234,21 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
     @property
     def moves(self) -> bool:
         """True while something changes with time alone."""
-        return self.replaying or self.runs.timeline.playing
+        return self.replaying or self.runs.timeline.playing or self.motion_time is not None
+
+    @property
+    def drawing(self) -> PlacedObstacle | None:
+        """The obstacle whose path clicks into the scene draw."""
+        return self.chosen_obstacle if self.aiming is PathPoint.NEXT else None
+
+    @property
+    def obstacle_time(self) -> float:
+        """Time at which the page shows obstacles that move [s]: that of the shown flight, or while their motions are
+        played; else that of take-off."""
+        if self.motion_time is not None:
+            return self.motion_time
+        flight = self.shown_flight
+        return flight.steps[-1].time if self.flight_is_shown and flight is not None and flight.steps else 0.0
 
     @property
     def flight_is_stale(self) -> bool:
@@ -311,4 +325,5 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
         eyes = {tab: eye for tab, eye in self.eyes.items() if tab != client}
         kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}
         let_go = replace(self.alignment, held=False)
-        return replace(self, eyes=eyes, results=kept, held=False, in_hand=None, alignment=let_go)
+        # its hand may have held something, and the motions may have been played for it alone
+        return replace(self, eyes=eyes, results=kept, held=False, in_hand=None, alignment=let_go, motion_time=None)

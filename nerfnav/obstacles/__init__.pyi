@@ -12,6 +12,7 @@ from .obstacle import Boxes as Boxes
 from .obstacle import Obstacle as Obstacle
 from .obstacle import ObstacleSet as ObstacleSet
 from .obstacle_file import ObstacleEntry as ObstacleEntry
+from .obstacle_file import WayPointsEntry as WayPointsEntry
 from .obstacle_file import format_obstacles as format_obstacles
 from .obstacle_file import obstacle_of as obstacle_of
 from .obstacle_file import read_obstacle_entries as read_obstacle_entries

@@ -112,3 +112,19 @@ def test_no_part_is_shown_once_the_loop_was_stopped(opened: Session) -> None:
 def test_an_app_that_was_interrupted_before_its_threads_began_can_be_stopped(opened: Session) -> None:
     UiLoop(opened).stop()
     Worker(NavigationBackend(), lambda _: None).stop()
+
+
+def test_what_moves_by_itself_moves_in_real_time_however_long_it_takes_to_show(opened: Session) -> None:
+    class Slow(Watcher):
+        def show(self, session: Session) -> None:
+            time.sleep(0.2)
+            super().show(session)
+
+    loop, watcher = UiLoop(replace(opened, motion_time=0.0)), Slow()
+    loop.start((watcher,))
+    end = time.monotonic() + PATIENCE_S
+    while len(watcher.shown) < 8 and time.monotonic() < end:
+        time.sleep(0.01)
+    loop.stop()
+    (first, _, _), (last, session, _) = watcher.shown[0], watcher.shown[7]
+    assert session.motion_time is not None and 0.5 * (last - first) < session.motion_time < 1.01 * (last - first)

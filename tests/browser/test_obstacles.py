@@ -1,4 +1,4 @@
-"""A person puts something in the way, drags it, and takes it away again."""
+"""A person puts something in the way, drags it, lets it move, and takes it away again."""
 
 from collections.abc import Callable
 
@@ -139,6 +139,61 @@ def test_a_box_that_is_dropped_during_a_flight_is_flown_around(serve: Serve, ope
     assert placed is not None and not app.session.flight_is_stale
     truth = np.stack([step.truth.position.double().numpy() for step in flight.steps[at:]])
     assert placed.signed_distance(truth).min() > HALF_HEIGHT
+
+
+def test_a_plan_and_a_flight_let_a_box_pass_whose_path_was_drawn_across_the_way(
+    serve: Serve, open_tab: OpenTab
+) -> None:
+    app, tab = with_field(serve, open_tab)
+    first = plan_of(app.session)
+    for name in ("position_noise_m", "attitude_noise_rad"):  # so that a filter of few iterations keeps up
+        app.post(Adjust(Settings.FLIGHT, name, 0.002))
+    box = add_box(tab, TOP_OF_BALL)
+    tab.press("obstacles.draw")
+    tab.until(lambda: app.session.drawing is not None, "the page does not wait for way points")
+    here, way = np.array(box.entry.position), first.states.position[len(first.actions) // 2].numpy()
+    x, y, _ = (2 * way - here).tolist()
+    tab.click_at((x, y, box.entry.position[2]))
+    tab.until(lambda: app.session.obstacles[0].path is not None, "no way point was added")
+    tab.key("Escape")
+    tab.until(lambda: app.session.drawing is None, "the path does not end")
+    mover = app.session.obstacles[0].obstacle
+    assert mover.place(np.array([1e3]))[0, 2] == here[2], "it does not keep its height"
+
+    def gap_of(positions: np.ndarray, dt: float) -> float:
+        times = dt * np.arange(len(positions))
+        return min(mover.signed_distance(p[None], t)[0] for p, t in zip(positions, times, strict=True))
+
+    tab.until(lambda: app.session.placed_obstacles is not None, "it is not placed")
+    tab.until_planned()
+    plan = plan_of(app.session)
+    assert gap_of(first.states.position.double().numpy(), first.dt) < 0, "it does not cross the way"
+    assert gap_of(plan.states.position.double().numpy(), plan.dt) > HALF_HEIGHT, "the plan leads through it"
+    tab.press("obstacles.play")
+    tab.until(lambda: (app.session.motion_time or 0.0) > 0.3, "its motion is not played")
+    tab.press("obstacles.play")
+    tab.until(lambda: app.session.motion_time is None, "it is not put back")
+
+    tab.press("status.next.start_flight")
+    tab.until(lambda: app.session.in_flight, "it does not fly")
+    tab.until_idle()
+    flight = app.session.flight
+    assert flight is not None and flight.outcome is not None and flight.outcome.name == "REACHED"
+    assert not any(step.touched for step in flight.steps)
+    truth = np.stack([step.truth.position.double().numpy() for step in flight.steps])
+    assert gap_of(truth, flight.tick) > HALF_HEIGHT
+    seen = lambda: np.array(tab.page.evaluate(POSITION, "/obstacles/1"))  # noqa: E731
+    for at in (2, len(flight.steps) - 1):
+        tab.fill("timeline.slider", str(at * flight.tick))
+        there = mover.place(np.array([at * flight.tick]))[0]
+        tab.until(lambda there=there: np.allclose(seen(), there, atol=1e-3), "it is shown elsewhere")
+        assert tab.is_visible("/obstacles/1") and np.linalg.norm(there - here) > 0.05
+    for _ in range(len(app.session.history.past)):
+        tab.key("Control+z")
+    tab.until(lambda: not app.session.history.past and app.session.obstacles == (), "not all was undone")
+    tab.until(lambda: app.session.placed_obstacles is None, "the box is still in the place")
+    tab.until_planned()
+    assert (plan_of(app.session).states.position - first.states.position).abs().max() < 0.05, "it is another plan"
 
 
 STONE = np.array([0.74, -0.665, 0.19])

@@ -57,9 +57,9 @@ def run(arguments: Arguments) -> None:
         calibration.prepare()
     place = open_place(arguments.field, arguments.robot)
     if arguments.obstacles is not None:
-        from nerfnav_app.places.obstacles import open_with_obstacles, read_standing  # slow to import, seldom needed
+        from nerfnav_app.places.obstacles import open_with_obstacles, require_standing  # slow to import, seldom needed
 
-        read_standing(arguments.obstacles)  # refuses those that move
+        require_standing(arguments.obstacles)
         place = open_with_obstacles(place, arguments.obstacles)
     camera = place.robot.camera if arguments.camera is None else read_camera(arguments.camera)
     navigator = Navigator(place.field, place.robot, camera, log=note)

@@ -57,10 +57,10 @@ def check(place: str) -> None:
 
 
 def check_obstacles(file: Path) -> None:
-    """Raise NerfnavError where a file of obstacles cannot be read, or one of them moves."""
-    from nerfnav_app.places.obstacles import read_standing
+    """Raise NerfnavError where a file of obstacles cannot be read."""
+    from nerfnav.obstacles import read_obstacles
 
-    read_standing(file)
+    read_obstacles(file)
 
 
 _SWITCH_S = 0.001
@@ -107,7 +107,7 @@ class Arguments:
     token: Annotated[str | None, arg(metavar="SECRET")] = None
     """Secret of the visitors, as in http://HOST:PORT/?token=SECRET."""
     obstacles: Annotated[Path | None, arg(metavar="FILE")] = None
-    """Obstacles that stand in the place, in YAML or JSON; the page can move them."""
+    """Obstacles in the place, in YAML or JSON; the page can move them."""
     open: bool = False
     """Open the page in this machine's browser."""
     json: bool = False

@@ -158,8 +158,15 @@ class Bodies:
         """Draw the body of the place's robot from now on, inside a block of `server.atomic`."""
         if session.place is not None and session.place.robot is not self._robot:
             self._robot = session.place.robot
-            shape = body_shape(self._robot.body)
-            self._node.vertices, self._node.faces = shape.vertices, shape.faces
+            self.reshape(body_shape(self._robot.body))
+
+    def reshape(self, shape: Shape) -> None:
+        """Draw bodies of another shape from now on, inside a block of `server.atomic`."""
+        self._node.vertices, self._node.faces = shape.vertices, shape.faces
+
+    def remove(self) -> None:
+        """Take them out of the scene."""
+        self._node.remove()
 
     def paint(self, color: Rgb) -> None:
         """Draw bodies in another colour from now on."""

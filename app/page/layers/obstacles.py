@@ -1,6 +1,7 @@
 """Obstacles: a mesh each, and the handles of the chosen one, with which a hand moves, turns or scales it.
 
-The page moves the mesh below the handles by itself; a new size comes from the session.
+The page moves the mesh below the handles by itself; a new size comes from the session. Handles of one that moves are
+where it is at take-off.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,8 @@ from nerfnav_app.state.view import to_point
 SIZES = {GizmoMode.MOVE: 1.1, GizmoMode.TURN: 0.9, GizmoMode.SCALE: 0.4}
 """Size of the handles, in longest edges of the obstacle."""
 _CHOSEN, _SELECTING = 0.75, 0.35
-"""Opacity of the chosen obstacle, behind which the plan shines through, and of a volume that selects."""
+"""Opacity of the chosen obstacle, behind which the plan shines through, and of a volume that selects, or of an obstacle
+where it was at take-off."""
 _Post = Callable[[Command], None] | None
 _ROOT = "/obstacles"
 HANDLES = f"{_ROOT}/handles"
@@ -51,13 +53,15 @@ class ObstaclesLayer:
         wrong = {} if answered is None else answered.problems
         chosen = drawn.get(session.chosen or "")
         carried = chosen is not None and session.gizmo_mode is not GizmoMode.SCALE
+        time = session.obstacle_time
         for name, placed in drawn.items():
             if name not in self._nodes:
                 self._made += 1
                 make = _Node if placed.cut_out is None else _Part
                 self._nodes[name] = make(self._server, f"{_ROOT}/{self._made}", self._post)
-            self._nodes[name].show(placed, name in wrong, placed is not chosen or not carried, session.surface)
-        self._handles.show(chosen, session.gizmo_mode, chosen is not None and chosen.name in wrong, session.surface)
+            visible = placed is not chosen or not carried or (placed.moves and time > 0)
+            self._nodes[name].show(placed, name in wrong, visible, session.surface, time)
+        self._handles.show(chosen, session.gizmo_mode, chosen is not None and chosen.name in wrong, session)
 
 
 class _Handles:
@@ -81,7 +85,7 @@ class _Handles:
             changed = follow_handles(placed, self._mode, to_point(event.target.position), event.target.wxyz)
             self._post(ChangeObstacle(placed.name, changed, held))
 
-    def show(self, placed: PlacedObstacle | None, mode: GizmoMode, wrong: bool, surface: bytes | None) -> None:
+    def show(self, placed: PlacedObstacle | None, mode: GizmoMode, wrong: bool, session: Session) -> None:
         """Move them to an obstacle, unless a user drags them: the hand is ahead of the session."""
         scales = mode is GizmoMode.SCALE
         half = None if placed is None else placed.half_extents
@@ -93,8 +97,8 @@ class _Handles:
             self._dragged = False
             return
         is_part = placed.cut_out is not None
-        self._body.show(placed, wrong, not scales and not is_part, surface)
-        self._part.show(placed, wrong, not scales and is_part, surface)
+        self._body.show(placed, wrong, not scales and not is_part, session.surface, session.obstacle_time)
+        self._part.show(placed, wrong, not scales and is_part, session.surface)
         if self._dragged and not switched:
             return
         self._dragged, obstacle = False, placed.obstacle
@@ -104,7 +108,7 @@ class _Handles:
         self._gizmo.disable_axes = self._gizmo.disable_sliders = mode is GizmoMode.TURN
         self._gizmo.scale = SIZES[mode] * size
         self._gizmo.position = np.array(obstacle.position) + corner
-        self._gizmo.wxyz = _wxyz(obstacle)
+        self._gizmo.wxyz = attitude_of(obstacle)
 
 
 def follow_handles(placed: PlacedObstacle, mode: GizmoMode, position: Vector, wxyz: np.ndarray) -> PlacedObstacle:
@@ -147,8 +151,9 @@ class _Node(_Drawn):
     def __init__(self, server: viser.ViserServer, name: str, post: _Post = None, below_handles: bool = False) -> None:
         """Add it, hidden; see _Drawn."""
         super().__init__(server, name, post, below_handles)
+        self._pose: tuple[float, ...] = ()
         self._node = server.scene.add_mesh_simple(
-            name, np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32), flat_shading=True, opacity=1.0,
+            name, np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32), flat_shading=True,
             cast_shadow=False, receive_shadow=False, visible=False,
         )  # fmt: skip
         self._choose_on_click(self._node)
@@ -157,8 +162,10 @@ class _Node(_Drawn):
         """Take it out of the scene."""
         self._node.remove()
 
-    def show(self, placed: PlacedObstacle, wrong: bool, visible: bool, surface: bytes | None) -> None:
-        """Draw an obstacle, red where it is `wrong`."""
+    def show(
+        self, placed: PlacedObstacle, wrong: bool, visible: bool, surface: bytes | None, time: float = 0.0
+    ) -> None:
+        """Draw an obstacle where it is at a time [s], red where it is `wrong`."""
         obstacle, before = placed.obstacle, None if self._placed is None else self._placed.obstacle
         self._placed = placed
         if before is None or obstacle.shape != before.shape:
@@ -166,11 +173,15 @@ class _Node(_Drawn):
             with self._server.atomic():  # corners and faces of two shapes do not fit each other
                 self._node.vertices = np.asarray(mesh.vertices, np.float32)
                 self._node.faces = np.asarray(mesh.faces, np.uint32)
-        moved = before is None or (obstacle.position, obstacle.rotation) != (before.position, before.rotation)
-        if moved and not self._below_handles:
-            self._node.position, self._node.wxyz = np.array(obstacle.position), _wxyz(obstacle)
-        color = HIT if wrong else CANDIDATE if placed.selects else _rgb(obstacle)
-        opacity = _SELECTING if placed.selects else _CHOSEN if self._below_handles else 1.0
+        at = obstacle.place(np.array([time]))[0].tolist() if placed.moves else obstacle.position
+        pose = (*at, *obstacle.rotation)
+        if pose != self._pose and not self._below_handles:
+            self._pose = pose
+            self._node.position, self._node.wxyz = np.array(at), attitude_of(obstacle)
+        color = HIT if wrong else CANDIDATE if placed.selects else color_of(obstacle)
+        left = self._below_handles and placed.moves and time > 0  # it is drawn where it is by then, too
+        # with an opacity of 1, a browser would hide what is within translucent copies
+        opacity = _SELECTING if placed.selects or left else _CHOSEN if self._below_handles else None
         if (self._node.color, self._node.opacity) != (color, opacity):
             self._node.color, self._node.opacity = color, opacity
         self._node.visible = visible
@@ -188,8 +199,10 @@ class _Part(_Drawn):
         if self._node is not None:
             self._node.remove()
 
-    def show(self, placed: PlacedObstacle, wrong: bool, visible: bool, surface: bytes | None) -> None:
-        """Draw a cut-out where it is now, as it looks in the surface."""
+    def show(
+        self, placed: PlacedObstacle, wrong: bool, visible: bool, surface: bytes | None, time: float = 0.0
+    ) -> None:
+        """Draw a cut-out, which stands at any time, where it is now, as it looks in the surface."""
         self._placed, shape = placed, placed.cut_out
         if visible and shape is not None and surface is not None and (self._surface, self._shape) != (surface, shape):
             self._surface, self._shape = surface, shape
@@ -211,10 +224,12 @@ class _Part(_Drawn):
         self._node.visible = visible and (self._surface, self._shape) == (surface, shape)
 
 
-def _wxyz(obstacle: Obstacle) -> np.ndarray:
+def attitude_of(obstacle: Obstacle) -> np.ndarray:
+    """Compute the attitude of an obstacle as (w, x, y, z)."""
     return tf.SO3.from_matrix(obstacle.attitude).wxyz
 
 
-def _rgb(obstacle: Obstacle) -> Rgb:
+def color_of(obstacle: Obstacle) -> Rgb:
+    """Convert the colour of an obstacle to bytes."""
     red, green, blue = (round(255 * part) for part in obstacle.color)
     return red, green, blue

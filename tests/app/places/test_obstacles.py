@@ -13,7 +13,7 @@ from nerfnav_app.jobs.fly.command import command_of
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
-from nerfnav_app.places.obstacles import open_with_obstacles, read_standing, require_clear_ends
+from nerfnav_app.places.obstacles import open_with_obstacles, require_clear_ends, require_standing
 from tests.app.doubles import balls_place
 
 ENDS = Ends(End((-0.8, 0.6, 0.4)), End((0.8, 0.6, 0.4)))
@@ -72,11 +72,11 @@ def test_obstacles_that_move_stay_beside_the_field_and_may_stand_on_the_goal(tmp
     assert [obstacle.name for obstacle in placed.movers.obstacles] == ["a"] and place.movers is None
     require_clear_ends(placed.obstacles, placed.robot, ENDS)
     with pytest.raises(InvalidInputError, match="yaml: the obstacle 'a' moves, and here obstacles stand"):
-        read_standing(path)
+        require_standing(path)
     stands = ", {name: b, sphere: 0.1, position: [0, 0.6, 0.4]}"
     both = open_with_obstacles(place, obstacles_in(tmp_path, mover + stands))
     assert both.field is not place.field and both.movers is not None and len(both.movers.obstacles) == 1
-    assert [entry.name for entry in read_standing(obstacles_in(tmp_path, stands[2:]))] == ["b"]
+    require_standing(obstacles_in(tmp_path, stands[2:]))
 
 
 def test_a_flight_lets_a_mover_pass_and_is_judged_by_where_it_is(tmp_path: Path) -> None:

@@ -11,7 +11,12 @@ from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import check_fit
 from nerfnav_app.queries.following_plan import FollowingPlanQuery, make_plan, plan_request
-from nerfnav_app.queries.placed_obstacles import ObstacleLandingQuery, ObstaclesPlaced, PlacedObstaclesQuery
+from nerfnav_app.queries.placed_obstacles import (
+    ObstacleLandingQuery,
+    ObstaclesPlaced,
+    PlacedObstaclesQuery,
+    WayPointQuery,
+)
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import obstacles as o
@@ -22,6 +27,7 @@ from tests.app.doubles import balls_place
 from tests.app.sessions import after, planned
 
 PLACE = balls_place()
+BUS = o.new_obstacle(o.ObstacleKind.BOX, "bus", 0.2, (-0.5, -0.8, 0.4)).changed(motion={"velocity": (1, 0, 0)})
 BOX = o.new_obstacle(o.ObstacleKind.BOX, "box 1", 0.2, (0.0, 0.6, 0.4))
 
 
@@ -74,13 +80,55 @@ def test_obstacles_are_placed_once_and_taken_out_again(opened: Session) -> None:
 
 def test_obstacles_that_cannot_be_placed_are_left_out_with_a_sentence(opened: Session) -> None:
     outside = BOX.changed(name="far", position=(9, 0, 0))
-    moving = BOX.changed(name="bus", motion={"velocity": (1, 0, 0)})
-    session = answered(with_obstacles(opened, BOX, outside, moving))
+    session = answered(with_obstacles(opened, BOX, outside))
     result = PlacedObstaclesQuery.result_in(session)
-    assert result is not None and set(result.problems) == {"far", "bus"}
-    assert "'far' at x 9.00" in result.problems["far"] and "'bus' moves" in result.problems["bus"]
+    assert result is not None and set(result.problems) == {"far"} and "'far' at x 9.00" in result.problems["far"]
     assert session.placed_obstacles is not None and len(session.placed_obstacles.obstacles) == 1
     assert not [query for query in pending_queries(session) if isinstance(query, PlacedObstaclesQuery)]
+
+
+def test_one_that_moves_is_beside_the_field_and_leaves_those_that_stand_alone(opened: Session) -> None:
+    both = answered(with_obstacles(opened, BOX, BUS))
+    assert both.place is not None and both.place.movers is not None and both.placed_obstacles is not None
+    assert [each.name for each in both.placed_obstacles.obstacles] == ["box 1", "bus"]
+    moved = answered(replace(both, obstacles=(BOX, BUS.changed(position=(0.3, -0.8, 0.4)))))
+    assert moved.place is not None and moved.place.movers is not None
+    assert moved.place.field is both.place.field, "what stands was placed again"
+    assert moved.place.movers.obstacles[0].position == (0.3, -0.8, 0.4)
+    assert moved.place.without_obstacles().field is PLACE.field
+
+
+def test_one_that_moves_is_on_a_robot_only_while_it_is_there() -> None:
+    there = RigidState.at_rest((0.5, -0.8, 0.4))
+    for time, problems in ((0.0, 0), (1.0, 1), (2.0, 0)):
+        found = PlacedObstaclesQuery((BUS,), robot_at=there, time=time).answer(Resources(PLACE))
+        assert len(found.problems) == problems
+
+
+@pytest.mark.parametrize(
+    ("origin", "along", "found"),
+    [
+        ((0.8, -0.8, 1.0), (-0.2, 0.3, -0.4), (0.5, -0.35, 0.4)),  # the floor is below, and nothing before it
+        ((0.5, -0.5, 0.3), (-0.5, 0.5, 0.01), (0.145, -0.145, 0.4)),  # the side of a ball is before it
+        ((0.8, -0.8, 1.0), (0.0, 0.0, 1.0), None),
+        ((0.8, -0.8, 1.0), (1.0, 0.0, 0.0), None),
+    ],
+)
+def test_a_way_point_is_where_a_click_passes_the_height_of_the_obstacle_or_meets_a_surface(
+    origin: tuple[float, float, float], along: tuple[float, float, float], found: tuple[float, float, float] | None
+) -> None:
+    click = Click(o.PathPoint.NEXT, Ray(origin, along))
+    assert WayPointQuery(click, "box 1", 0.4).answer(Resources(PLACE)) == (
+        None if found is None else pytest.approx(found, abs=0.05)
+    )
+
+
+def test_a_start_on_which_an_obstacle_is_at_take_off_is_a_sentence_and_a_goal_is_none(opened: Session) -> None:
+    place = answered(with_obstacles(opened, BUS)).place
+    assert place is not None
+    there = End(BUS.entry.position)
+    assert check_fit(place, EndRole.START, there).problem == "the start is where the obstacle 'bus' is at take-off."
+    assert check_fit(place, EndRole.GOAL, there).problem is None
 
 
 def test_none_is_dropped_on_a_robot_that_flies() -> None:
@@ -130,8 +178,8 @@ def test_an_obstacle_in_a_hand_is_in_no_map_until_it_is_put_down(opened: Session
     for x in (0.1, 0.2):
         session = answered(after(session, o.ChangeObstacle("box 1", BOX.changed(position=(x, 0.6, 0.4)), held=True)))
         assert session.place is not None and session.place.field is PLACE.field
-        (held,) = session.place.movers.obstacles if session.place.movers is not None else ()
-        assert held.position == (x, 0.6, 0.4)
+        assert session.place.movers is not None
+        assert [held.position for held in session.place.movers.obstacles] == [(x, 0.6, 0.4)]
     session = answered(after(session, o.ChangeObstacle("box 1", BOX)))
     assert session.place is not None and session.place.movers is None and session.place.field is not PLACE.field
 

@@ -5,16 +5,21 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.core.errors import InvalidInputError
-from nerfnav.obstacles import MOST, BoxShape
+from nerfnav.navigation import EpisodeOutcome
+from nerfnav.obstacles import MOST, BoxShape, WayPoints
+from nerfnav_app.jobs.events import JobFinished, JobResult
+from nerfnav_app.page.panels.status.status import status
 from nerfnav_app.queries.click_landing import ClickLandingQuery
-from nerfnav_app.queries.placed_obstacles import ObstacleLandingQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.placed_obstacles import ObstacleLandingQuery, WayPointQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import obstacles as o
 from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.runs import Scrub
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.session_memory import SessionMemory
-from tests.app.sessions import after
+from tests.app.doubles import flight_step
+from tests.app.sessions import after, planned, reports
 
 RAY = Ray((0.0, 0.0, 2.0), (0.0, 0.0, -1.0))
 BOX = o.new_obstacle(o.ObstacleKind.BOX, "box 1", 0.2, (0.1, 0.2, 0.3))
@@ -106,10 +111,95 @@ def test_the_next_server_opens_with_the_obstacles(opened: Session, tmp_path: Pat
     assert kept is not None and kept.moment.obstacles == (BOX,)
 
 
-def test_a_file_gives_obstacles_and_one_that_moves_is_refused(tmp_path: Path) -> None:
+def test_a_file_gives_obstacles_with_their_motions(tmp_path: Path) -> None:
     path = tmp_path / "some.yaml"
     path.write_text("obstacles: [{sphere: 0.1}, {name: post, cylinder: {radius: 0.1, height: 1}}]")
     assert [placed.name for placed in o.read_placed(path)] == ["obstacle 1", "post"]
     path.write_text("obstacles: [{name: a, sphere: 0.1, motion: {velocity: [1, 0, 0]}}]")
-    with pytest.raises(InvalidInputError, match=r"some.yaml: the obstacle 'a' moves"):
-        o.read_placed(path)
+    (moving,) = o.read_placed(path)
+    assert moving.moves and moving.path is None and not moving.may_have_path, "only way points can be drawn"
+
+
+def drawn(session: Session, *points: tuple[float, float, float]) -> Session:
+    """The session after clicks drew way points for its chosen obstacle."""
+    session = after(session, m.AimEnd(o.PathPoint.NEXT))
+    for point in points:
+        session = after(session, m.ClickScene(RAY))
+        (asked,) = WayPointQuery.pending(session)
+        session = after(session, m.QueryAnswered(asked, point))
+    return session
+
+
+def test_clicks_draw_a_path_until_it_ends_and_each_is_undone(opened: Session) -> None:
+    session = drawn(with_box(opened), (0.4, 0.2, 0.3), (0.4, -0.5, 0.3))
+    path = session.obstacles[0].path
+    assert path is not None and path.points == [(0, 0, 0), (0.3, 0, 0), (0.3, -0.7, 0)]
+    assert (path.speed, path.closed) == (o.SPEED, True) and session.drawing is session.obstacles[0]
+    assert not list(FollowingPlanQuery.pending(planned(session))), "it plans between two clicks"
+    assert "Esc ends its path" in status(session).text
+    ended = after(session, m.AimEnd(None))
+    assert ended.drawing is None and after(ended, m.ClickScene(RAY)).clicked is None
+    once = after(ended, m.Undo()).obstacles[0].path
+    assert once is not None and len(once.points) == 2
+    stands = after(ended, m.Undo(), m.Undo())
+    assert stands.obstacles == (BOX,) and after(stands, m.Redo(), m.Redo()).obstacles == ended.obstacles
+
+
+def test_a_path_has_a_pace_is_copied_and_removed(opened: Session) -> None:
+    session = after(drawn(with_box(opened), (0.4, 0.2, 0.3)), o.ChangePace("box 1", 1.5, False))
+    assert session.obstacles[0].obstacle.motion == WayPoints(((0, 0, 0), (0.3, 0, 0)), 1.5)
+    copied = after(session, o.CopyObstacle("box 1"))
+    assert copied.obstacles[1].path == session.obstacles[0].path and copied.drawing is None, "clicks draw on"
+    still = after(session, o.RemoveMotion("box 1"))
+    assert still.obstacles == (BOX,) and after(still, m.Undo()).obstacles == session.obstacles
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1e6])
+def test_absurd_speeds_are_one_sentence(speed: float, opened: Session) -> None:
+    session = drawn(with_box(opened), (0.4, 0.2, 0.3))
+    refused = after(session, o.ChangePace("box 1", speed, True))
+    assert refused.obstacles == session.obstacles
+    assert f"from 0.01 to 50 m/s, not {speed:g}." in refused.notices[-1].body and refused.notices[-1].bad
+
+
+@pytest.mark.parametrize(
+    ("point", "reason"),
+    [((9.0, 0.2, 0.3), "x 9.00, y 0.20, z 0.30 m lies outside the place"), ((0.1, 0.2, 0.3), "all at one place")],
+)
+def test_way_points_that_cannot_be_are_one_sentence(
+    point: tuple[float, float, float], reason: str, opened: Session
+) -> None:
+    refused = drawn(with_box(opened), point)
+    assert refused.obstacles == (BOX,) and refused.drawing is not None, "the next click draws on"
+    assert refused.notices[-1].bad and reason in refused.notices[-1].body
+
+
+def test_a_path_without_a_click_is_one_sentence(opened: Session) -> None:
+    refused = after(with_box(opened), m.AimEnd(o.PathPoint.NEXT), m.AimEnd(None))
+    assert refused.obstacles == (BOX,) and "at least one way point" in refused.notices[-1].body
+
+
+def test_another_choice_ends_a_path_and_clicks_without_an_obstacle_place_nothing(opened: Session) -> None:
+    session = drawn(with_box(opened), (0.4, 0.2, 0.3))
+    assert after(session, o.ChooseObstacle(None)).aiming is None
+    gone = after(session, o.DeleteObstacle("box 1"), m.ClickScene(RAY))
+    assert gone.drawing is None and gone.clicked is None and gone.aiming is None
+
+
+def test_motions_are_played_from_take_off_on_and_put_back(opened: Session) -> None:
+    assert after(with_box(opened), o.PlayMotions(True)).motion_time is None, "nothing moves"
+    session = drawn(with_box(opened), (0.4, 0.2, 0.3))
+    played = after(session, o.PlayMotions(True), m.Tick(0.25), m.Tick(0.5))
+    assert played.moves and played.obstacle_time == 0.75 and played.history == session.history
+    assert after(played, o.PlayMotions(False)).obstacle_time == 0.0
+    flown = after(played, m.StartFlight())
+    assert flown.in_flight and flown.motion_time is None and after(flown, o.PlayMotions(True)).motion_time is None
+
+
+def test_obstacles_are_shown_at_the_time_of_the_flight_and_of_the_timeline(opened: Session) -> None:
+    session = after(planned(drawn(with_box(opened), (0.4, 0.2, 0.3))), m.StartFlight())
+    session = reports(session, *(flight_step(session.ends, index) for index in range(4)))
+    assert session.obstacle_time == pytest.approx(0.3)
+    ended = reports(session, flight_step(session.ends, 4, EpisodeOutcome.REACHED), JobFinished("fly", JobResult()))
+    assert ended.obstacle_time == pytest.approx(0.4)
+    assert after(ended, Scrub(1)).obstacle_time == pytest.approx(0.1)

@@ -7,17 +7,21 @@ import pytest
 import torch
 
 from nerfnav.estimator.relocalize.global_localization import RelocaliseStep
+from nerfnav.obstacles import format_obstacles
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
 from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.placed_obstacles import PlacedObstaclesQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.run_list import RunListQuery
 from nerfnav_app.queries.stored_run import StoredRunQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.obstacles import ObstacleKind, new_obstacle
 from nerfnav_app.state.runs import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, Scrub
 from nerfnav_app.state.session import Session
+from nerfnav_app.storage.kept_obstacles import KEPT
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place, flight_step
@@ -198,3 +202,18 @@ def test_a_flight_is_not_compared_with_itself(session: Session, store: RunStore)
     assert alone.runs.compared is None and alone.notices[-1].title == "The same flight"
     just_flown = replace(alone, runs=replace(alone.runs, opened=None))
     assert served(just_flown, store, CompareRun("first")).runs.compared is None
+
+
+def test_a_run_brings_its_obstacles_back_and_undo_those_of_the_page(session: Session, store: RunStore) -> None:
+    box = new_obstacle(ObstacleKind.BOX, "box 1", 0.2, (0.1, 0.2, 0.3))
+    (store.path("first") / KEPT).write_text(format_obstacles([box.with_way_point((0.5, 0.2, 0.3)).entry]))
+    session = replace(session, obstacles=(box,), chosen="box 1")
+    opened = served(session, store, OpenRun("first"))
+    (moving,) = opened.obstacles
+    assert moving.path is not None and opened.chosen is None and opened.flight_is_shown
+    assert list(PlacedObstaclesQuery.pending(opened)), "they are not placed"
+    assert served(opened, store, m.Undo()).obstacles == (box,)
+    assert served(opened, store, OpenRun("second")).obstacles == (), "it was flown without any"
+    (store.path("first") / KEPT).write_text("{")
+    refused = served(session, store, OpenRun("first"))
+    assert refused.obstacles == (box,) and refused.notices[-1].bad and str(store.folder) not in refused.notices[-1].body

@@ -1,4 +1,5 @@
-"""Obstacles panel: place boxes, spheres and cylinders by a click, choose one, name, copy, hide and delete it."""
+"""Obstacles panel: place boxes, spheres and cylinders by a click, choose one, name, copy, hide and delete it, draw its
+path, and play the motions of all."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,14 +12,19 @@ from nerfnav_app.page.kit.widgets import post_on
 from nerfnav_app.queries.placed_obstacles import PlacedObstaclesQuery
 from nerfnav_app.state.actions import AimEnd, Command
 from nerfnav_app.state.obstacles import (
+    SPEED,
     ChangeObstacle,
+    ChangePace,
     ChooseMode,
     ChooseObstacle,
     CopyObstacle,
     DeleteObstacle,
     GizmoMode,
     ObstacleKind,
+    PathPoint,
     PlacedObstacle,
+    PlayMotions,
+    RemoveMotion,
     SeparateObstacle,
 )
 from nerfnav_app.state.session import Session
@@ -30,6 +36,8 @@ _HANDLES = {
     GizmoMode.TURN: "Drag its rings to turn it.",
     GizmoMode.SCALE: "Drag its corner to scale it.",
 }
+_DRAW, _END = "Draw a path", "End path"
+_PLAY, _STOP = "Play motions", "Stop motions"
 _ICON = viser.Icon
 
 
@@ -53,17 +61,31 @@ class ObstaclesPanel:
             self._mode = gui.add_button_group(
                 "Handles", tuple(mode.value for mode in GizmoMode), visible=False, hint="What the arrows do"
             )
+            self._draw = gui.add_button(
+                _DRAW, icon=_ICON.ROUTE, visible=False, hint="It moves from take-off on: click where it goes, in turn"
+            )
+            self._speed = gui.add_number("Speed [m/s]", SPEED, step=0.1, visible=False, hint="Along its path")
+            self._closed = gui.add_checkbox(
+                "Closed", True, visible=False, hint="From its last point it returns to the first, without end"
+            )
+            self._still = gui.add_button(
+                "Remove path", color="gray", icon=_ICON.ROUTE_OFF, visible=False, hint="It stands from now on"
+            )
             self._hidden = gui.add_checkbox("Hide it", False, visible=False, hint="It stays in the list")
             self._separate = gui.add_button(
                 "Separate", icon=_ICON.SCISSORS, visible=False,
                 hint="Make an obstacle of what is in the volume; what it leaves behind is unproven",
+            )  # fmt: skip
+            self._play = gui.add_button(
+                _PLAY, color="gray", icon=_ICON.PLAYER_PLAY, visible=False,
+                hint="Show how obstacles move from take-off on, without a flight",
             )  # fmt: skip
             self._save = gui.add_button(
                 "Save obstacles", color="gray", icon=_ICON.DOWNLOAD, visible=False,
                 hint="As YAML, for --obstacles of plan, fly and serve",
             )  # fmt: skip
             gui.add_html(ROW)
-            self._copy = gui.add_button("Duplicate", color="gray", visible=False)
+            self._copy = gui.add_button("Copy", color="gray", visible=False)
             self._delete = gui.add_button("Delete", color="gray", visible=False)
         post_on(self._add.on_click, post, lambda: AimEnd(ObstacleKind(self._add.value)))
         post_on(self._cut.on_click, post, lambda: AimEnd(ObstacleKind(self._cut.value)))
@@ -74,6 +96,11 @@ class ObstaclesPanel:
         post_on(self._mode.on_click, post, lambda: ChooseMode(GizmoMode(self._mode.value)))
         post_on(self._name.on_update, post, self._rename)
         post_on(self._hidden.on_update, post, self._hide)
+        post_on(self._draw.on_click, post, self._aim)
+        post_on(self._speed.on_update, post, self._pace)
+        post_on(self._closed.on_update, post, self._pace)
+        post_on(self._still.on_click, post, lambda: None if (one := self._chosen) is None else RemoveMotion(one.name))
+        post_on(self._play.on_click, post, lambda: PlayMotions(self._play.label == _PLAY))
         post_on(self._copy.on_click, post, lambda: None if (one := self._chosen) is None else CopyObstacle(one.name))
         post_on(
             self._delete.on_click, post, lambda: None if (one := self._chosen) is None else DeleteObstacle(one.name)
@@ -96,6 +123,13 @@ class ObstaclesPanel:
         placed = self._chosen
         return None if placed is None else ChangeObstacle(placed.name, replace(placed, hidden=bool(self._hidden.value)))
 
+    def _aim(self) -> AimEnd:
+        return AimEnd(PathPoint.NEXT if self._draw.label == _DRAW else None)
+
+    def _pace(self) -> ChangePace | None:
+        placed = self._chosen
+        return None if placed is None else ChangePace(placed.name, float(self._speed.value), bool(self._closed.value))
+
     async def _send(self, event: viser.GuiEvent) -> None:
         """Send the file to the tab that requests it."""
         if event.client is not None and self._session is not None:
@@ -112,12 +146,28 @@ class ObstaclesPanel:
         self._separate.visible = placed is not None and placed.selects
         for widget in (self._name, self._mode, self._hidden, self._copy, self._delete):
             widget.visible = placed is not None
+        self._show_motion(session, placed)
         if self._list.options != names:
             self._list.options = names
         self._list.value = _NONE if placed is None else placed.name
         self._status.content = describe(session)
         if placed is not None:
             self._name.value, self._hidden.value = placed.name, placed.hidden
+
+    def _show_motion(self, session: Session, placed: PlacedObstacle | None) -> None:
+        """Show what can be done with the motion of the chosen obstacle, and play or stop all."""
+        path = None if placed is None else placed.path
+        self._draw.visible = placed is not None and placed.may_have_path
+        self._draw.label = _DRAW if session.drawing is None else _END
+        self._speed.visible = self._closed.visible = path is not None
+        if path is not None:
+            self._speed.value, self._closed.value = path.speed, path.closed
+        self._still.visible = placed is not None and placed.moves
+        self._play.visible = bool(session.movers) and not session.in_flight
+        plays = session.motion_time is not None
+        if (self._play.label == _STOP) != plays:
+            self._play.label = _STOP if plays else _PLAY
+            self._play.icon = _ICON.PLAYER_STOP if plays else _ICON.PLAYER_PLAY
 
 
 def _saved(session: Session) -> tuple[PlacedObstacle, ...]:
@@ -127,6 +177,8 @@ def _saved(session: Session) -> tuple[PlacedObstacle, ...]:
 
 def describe(session: Session) -> str:
     """Describe what is wrong with obstacles, or what the next click does, as HTML."""
+    if session.drawing is not None:
+        return note("Click where it goes next; End path or Esc ends.")
     if isinstance(session.aiming, ObstacleKind):
         return note(f"Click into the scene to place the {session.aiming.value}.")
     answered = PlacedObstaclesQuery.result_in(session)

@@ -16,6 +16,7 @@ from nerfnav.planner import PLANNERS
 from nerfnav_app.page.kit.widgets import confirm_reset
 from nerfnav_app.state.actions import (
     Adjust,
+    AimEnd,
     Cancel,
     Choose,
     ChooseTask,
@@ -122,6 +123,8 @@ def entries() -> tuple[Shortcut, ...]:
         Shortcut("Find the robot", _when("may_find", FindRobot()), icon=icons.MAP_SEARCH,
                  hint="Global localization by its last picture"),
         Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X),
+        Shortcut("Stop placing", _when("aiming", AimEnd(None)), "escape", icon=icons.POINTER_OFF,
+                 hint="Clicks into the scene place nothing, or end a path"),
         Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task"),
         Shortcut("Reset", _when("place", Reset()), "R", "shift", icons.REFRESH, confirm=confirm_reset),
         Shortcut("Undo", _when("history.past", Undo()), "Z", "cmd/ctrl", icons.ARROW_BACK_UP),

@@ -69,6 +69,8 @@ def status(session: Session) -> Status:
         return Status(" ".join(map(sentence, problems.values())), warning)
     if problems:
         return Status(f"The robot does not fit at the {' and the '.join(problems)}: move it into free space.", warning)
+    if session.drawing is not None:
+        return Status("Click where the obstacle goes next. Esc ends its path, and the plan follows.")
     if needs_confirmation(session) and plan is not None:
         return Status(f"{explain_unsafe_plan(plan, session)} Fly anyway?", warning)
     if plan is not None and plan.latest is not None and not session.flight_is_shown:

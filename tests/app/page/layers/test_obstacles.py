@@ -1,12 +1,14 @@
 """Handles of an obstacle: the pose or the size that a hand gives it; and its mesh in the scene."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import viser
 import viser.transforms as tf
 
+from nerfnav_app.page.layers.movers import PATHS, MoversLayer
 from nerfnav_app.page.layers.obstacles import HANDLES, ObstaclesLayer, follow_handles
 from nerfnav_app.state.obstacles import GizmoMode, ObstacleKind, PlacedObstacle, new_obstacle
 from nerfnav_app.state.session import Session
@@ -44,3 +46,37 @@ def test_the_layer_draws_what_is_not_hidden(server: viser.ViserServer) -> None:
     assert scaling == {HANDLES: True, f"{HANDLES}/body": False, "/obstacles/1": True, "/obstacles/2": True}
     hidden = shown(BOX, replace(other, hidden=True))
     assert hidden == {HANDLES: False, f"{HANDLES}/body": False, "/obstacles/1": True}
+
+
+def test_what_moves_is_drawn_where_it_is_with_its_path_and_copies_of_it(server: viser.ViserServer) -> None:
+    mover = BOX.with_way_point((0.1, 0.8, 0.3)).with_way_point((0.5, 0.8, 0.3))
+    obstacles, movers = ObstaclesLayer(server, lambda _: None), MoversLayer(server)
+
+    def shown(*placed: PlacedObstacle, **parts: object) -> dict[str, Any]:
+        session = Session("balls", place=balls_place(), obstacles=placed, **parts)  # type: ignore[arg-type]
+        for layer in (obstacles, movers):
+            layer.show(session)
+        return server.scene._handle_from_node_name
+
+    nodes = shown(mover, chosen="box 1")
+    assert nodes[HANDLES].visible and not nodes["/obstacles/1"].visible, "it is drawn twice"
+    corners = [(0.1, 0.2, 0.3), (0.1, 0.8, 0.3), (0.5, 0.8, 0.3), (0.1, 0.2, 0.3)]  # a closed path
+    np.testing.assert_allclose(nodes[PATHS].points[:, 0], corners[:-1], atol=1e-6)
+    np.testing.assert_allclose(nodes[PATHS].points[:, 1], corners[1:], atol=1e-6)
+    copies = nodes["/movers/1"].batched_positions  # 4 s at 0.5 m/s, where there is no plan
+    np.testing.assert_allclose(copies, mover.obstacle.place(np.arange(1.0, 5.0)), atol=1e-6)
+    nodes = shown(mover, chosen="box 1", motion_time=1.0)
+    assert nodes["/obstacles/1"].visible and not nodes["/movers/1"].visible
+    np.testing.assert_allclose(nodes["/obstacles/1"].position, (0.1, 0.7, 0.3), atol=1e-6)
+    np.testing.assert_allclose(nodes[HANDLES].position, BOX.entry.position, atol=1e-6)
+    nodes = shown(BOX, motion_time=1.0)
+    assert "/movers/1" not in nodes and not nodes[PATHS].visible
+    np.testing.assert_allclose(nodes["/obstacles/1"].position, BOX.entry.position, atol=1e-6)
+
+
+def test_the_line_of_a_motion_without_way_points_ends_with_the_place(server: viser.ViserServer) -> None:
+    bus, place = BOX.changed(motion={"velocity": (0.5, 0, 0)}), balls_place()
+    MoversLayer(server).show(Session("balls", place=place, obstacles=(bus,)))
+    paths: Any = server.scene._handle_from_node_name[PATHS]
+    line = paths.points
+    assert line[0, 0] == pytest.approx(BOX.entry.position) and 0.9 < line[..., 0].max() <= 1.0

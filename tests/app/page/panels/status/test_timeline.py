@@ -25,7 +25,7 @@ from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 
 ENDS = Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.1, 0.4)))
-_WORD_OF_KEY = {"space": "space", "pageup": "page up", "pagedown": "page up, down"}
+_WORD_OF_KEY = {"space": "space", "pageup": "page up", "pagedown": "page up, down", "escape": "esc"}
 
 
 def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
