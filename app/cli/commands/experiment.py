@@ -43,6 +43,7 @@ def run(arguments: Arguments) -> None:
     request = ExperimentRequest(
         arguments.name,
         place=arguments.place,
+        obstacles=arguments.obstacles,
         trials=arguments.trials,
         seed=arguments.seed,
         jobs=arguments.jobs,

@@ -56,6 +56,8 @@ class ExperimentOptions:
     """Seed of everything random."""
     place: Annotated[str | None, arg(metavar="NAME|FILE")] = None
     """Scene or field file (default: the experiment's own scene)."""
+    obstacles: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Obstacles that stand in the place, in YAML or JSON, as with `plan`."""
     out: Path | None = None
     """Folder for manifest, trials, results, tables and figures. The same command continues an experiment that was
     interrupted."""
@@ -145,10 +147,11 @@ class _Variant:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Places of the trials."""
+        """Places of the trials; with obstacles one alone, as they stand in that."""
         if self.request.place is not None:
             return (self.request.place,)
-        return (self.experiment.place, *self.experiment.beside)
+        beside = self.experiment.beside if self.request.obstacles is None else ()
+        return (self.experiment.place, *beside)
 
     @property
     def flights(self) -> FlightOptions:
@@ -158,7 +161,7 @@ class _Variant:
     def study(self) -> Study:
         """Open the first place, and make the study of all places."""
         request, (place, *further) = self.request, self.places
-        open_here = partial(open_arena, place)
+        open_here = partial(open_arena, place, request.obstacles)
         study = Study(
             open_here, self.experiment.tasks_in(place, open_here()), request.trials, request.seed, request.jobs,
             request.ray, self.flights, self._journal(place),
@@ -178,6 +181,8 @@ def _with(request: ExperimentRequest, known: Mapping[str, Any], experiment: Expe
     """The request with the settings of a combination. Raises InvalidInputError for options that it does not take."""
     if experiment.own_worlds and (request.place or known.get("place")) is not None:
         raise InvalidInputError(f"the experiment {request.name} flies in worlds of its own: leave out --place")
+    if experiment.own_worlds and request.obstacles is not None:
+        raise InvalidInputError(f"the experiment {request.name} has obstacles of its own: leave out --obstacles")
     if experiment.alone and (request.ray is not None or request.jobs not in (None, 1)):
         raise InvalidInputError(
             f"the experiment {request.name} measures times, so nothing runs beside it: leave out --jobs and --ray"
@@ -199,6 +204,9 @@ def _manifest_of(request: ExperimentRequest, variants: list[_Variant]) -> Manife
     files |= {robot: Path(robot) for robot in robots if robot is not None and Path(robot).is_file()}
     flights = {} if request.flights is None else asdict(request.flights)
     settings = {"trials": request.trials, "seed": request.seed, "place": request.place, **flights}
+    if request.obstacles is not None:
+        settings["obstacles"] = str(request.obstacles)
+        files[str(request.obstacles)] = request.obstacles
     sweep = {"sweep": [label_of(variant.known) for variant in variants]} if variants[0].known else {}
     return make_manifest(request.name, settings | sweep, files)
 

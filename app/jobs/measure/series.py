@@ -30,8 +30,10 @@ def run(request: ExperimentRequest) -> JobEvents:
     """Run all experiments; return trials, failures and times of each. Raises NerfnavError for bad requests."""
     if request.out is None:
         raise InvalidInputError("the experiments write into one folder: name it with --out, such as runs/all")
-    if request.sweep or request.flights is not None:
-        raise InvalidInputError("all experiments run with their own settings: name one to sweep, or to change flights")
+    if request.sweep or request.flights is not None or request.obstacles is not None:
+        raise InvalidInputError(
+            "all experiments run with their own settings: name one to sweep, to change flights, or to place obstacles"
+        )
     require_counts(request)
     settings = {"quick": request.quick, "trials": request.trials, "seed": request.seed, "place": request.place}
     with open_folder(request.out, make_manifest(ALL, settings, {})) as manifest:

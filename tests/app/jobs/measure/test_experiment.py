@@ -57,6 +57,32 @@ def test_results_table_and_figures_are_written(tmp_path: Path) -> None:
     assert (tmp_path / "new" / "empty.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_obstacles_of_a_file_stand_in_the_place_of_an_experiment(tmp_path: Path) -> None:
+    file, above = tmp_path / "crates.yaml", torch.tensor([[0.4, 0.0, 0.3], [0.8, 0.0, 0.3]])
+    file.write_text("obstacles: [{name: crate, box: [0.2, 0.2, 0.2], position: [0.4, 0, 0.3]}]")
+
+    def measured(study: Study) -> ExperimentSteps:
+        yield from ()
+        arena = study.open_arena()
+        inside = [bool(solid.contains(above.numpy())[0]) for solid in arena.scene.solids[-1:]]
+        return Results({"dense": (arena.field.density(above) > 10).tolist(), "solid": inside}, (), {})
+
+    experiment_catalog.register(Experiment("placed", measured, "looks at what stands there", beside=("apartment",)))
+    try:
+        request = ExperimentRequest("placed", obstacles=file, out=tmp_path / "out")
+        assert result_of(experiment.run(request)).summary == {"dense": [True, False], "solid": [True]}
+        content = json.loads((tmp_path / "out" / "manifest.json").read_text())
+        assert str(file) in content["inputs"] and content["settings"]["obstacles"] == str(file)
+        moving = tmp_path / "bus.yaml"
+        moving.write_text("obstacles: [{name: bus, box: [1, 1, 1], motion: {velocity: [1, 0, 0]}}]")
+        with pytest.raises(InvalidInputError, match="the obstacle 'bus' moves"):
+            result_of(experiment.run(replace(request, out=None, obstacles=moving)))
+        with pytest.raises(InvalidInputError, match="has obstacles of its own: leave out --obstacles"):
+            result_of(experiment.run(ExperimentRequest("moving", obstacles=file)))
+    finally:
+        EXPERIMENTS.unregister("placed")
+
+
 def test_without_a_folder_nothing_is_written() -> None:
     assert result_of(experiment.run(ExperimentRequest("counting"))).files == ()
 
