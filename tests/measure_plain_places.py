@@ -210,7 +210,7 @@ def _collect(
     supports = settle_ends(arena.field, problem.field, problem.robot, problem.start, problem.goal)
     if any(support.footing.is_refused for support in supports):
         return None
-    for event in closed_loop_flight._flight(arena, problem, trial, None):
+    for event in closed_loop_flight._flight(arena, problem, trial, None, None):
         if isinstance(event, NavigationStep):
             flown.append(event)
         if time.process_time() > until:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
@@ -143,6 +143,11 @@ class SafetyFilter:
         if self.robot.planar:
             return 0.0
         return cached_c_space(self.field, self.robot, None).clearance(path.double().numpy(), most)
+
+    def blocks(self, places: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
+        """Check whether the body of a robot that flies, taken level, does not fit at places [m], or is outside of the
+        box."""
+        return torch.from_numpy(cached_c_space(self.field, self.robot, None).blocks(places.double().numpy()))
 
     def _bound(self, motion: Motion, time: float) -> float:
         if not motion.states.position.isfinite().all() or self.touches_movers(motion, time):

@@ -1,19 +1,22 @@
 """Active looking: choose headings in which the camera sees something, and turn a robot that holds and sees too little.
 
 A robot that holds turns first to the heading in which pictures should tell it most, then all around. What they should
-tell follows from the field (expected_belief.py); where a picture from nearby showed less, that counts.
+tell follows from the field (expected_belief.py); where a picture from nearby showed less, that counts. Without an
+inertial unit it drifts while it sees little: it goes back to its last informative view, or gives way to what is near.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from nerfnav.estimator import Belief, FilterOutcome
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.field import Field
 from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import NavigationStep
@@ -27,12 +30,18 @@ from nerfnav.planner import fits
 from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, limit_yaw_rate, wrap_yaw
 from nerfnav.planner.active_yaw import choose_headings as choose_plan_headings
 from nerfnav.planner.visibility import find_best_turn
-from nerfnav.robots import Motion, RigidState, Robot
+from nerfnav.robots import POSITION, Motion, RigidState, Robot
 
 _ARRIVING = 0.8
 """Share of the remaining angle that is turned in a step."""
 _IN_VAIN_S = 0.5
 """Time beyond that of the turn after which nothing is visible where something should be [s]."""
+_SOON_S, _DRAWS = 1.0, 64
+"""Time over which a robot that sees too little expects collisions [s], and draws of its position."""
+_DIRECTIONS = torch.nn.functional.normalize(
+    torch.tensor(sorted(product((-1.0, 0.0, 1.0), repeat=3), key=lambda direction: sum(map(abs, direction)))), dim=-1
+)
+"""Directions of its evasions, rest before them."""
 _NOTHING = 0.1
 """Share of the visibility that a camera needs, below which it sees nothing, and of the variance that a picture removes,
 below which it tells nothing."""
@@ -159,7 +168,7 @@ def hold(
     """Plan the motion of a robot that holds, from an estimate after the `last` plan.
 
     It comes to rest, and turns where its view tells little; one that trusts its belief goes back to its last
-    informative view where no turn helps, and one that was given up lands.
+    informative view where no turn helps, or gives way to what it may touch, and one that was given up lands.
     """
     action, robot = step.recovery, flight.simulator.robot
     start = robot.settled(start, last.states[0])
@@ -168,7 +177,8 @@ def hold(
     turn = velocity = None
     if action is not None and action.turns:
         lost = action is SupervisorAction.SEARCHED
-        velocity = None if lost else _way_back(step, memory, flight)
+        if not lost and (velocity := _way_back(step, memory, flight)) is None:
+            velocity = give_way(Belief(start, step.belief.covariance), flight)
         if step.filter_outcome is not FilterOutcome.UPDATED:  # what the field shows elsewhere may be wrong
             turn = choose_turn(step, memory, flight, lost)
     return come_to_rest(robot, start, flight.config.recovery.rest, flight.request.dt, turn, velocity)
@@ -191,6 +201,31 @@ def _way_back(step: NavigationStep, memory: SupervisorMemory, flight: FlightCont
     if safety_filter.clearance(here + shares * (there - here), reach) < reach:
         return None
     return (there - here) * (min(config.back, distance / _IN_VAIN_S) / distance)
+
+
+def give_way(belief: Belief, flight: FlightContext) -> Tensor | None:
+    """Return the velocity with the fewest expected collisions of a robot that holds and sees too little [m/s].
+
+    Without pictures its position after k steps is x_k ~ N(mu_k, Sigma_k), by the noise of the flight's steps. The
+    expectation is sum_k P(the body does not fit at x_k) over the next _SOON_S, by draws, of rest and of evasions in all
+    directions. None: rest; also on the ground, and without a safety filter.
+    """
+    safety_filter, robot, dt = flight.stack.safety_filter, flight.simulator.robot, flight.request.dt
+    if safety_filter is None or robot.planar:
+        return None
+    start, steps, roots = belief.mean, max(1, round(_SOON_S / dt)), list[Tensor]()
+    for action in robot.roll_out_hold(start, torch.zeros(steps, 3), dt, rest=0.0).actions:
+        belief = predict(belief, action, robot, dt, safety_filter.noise.process)
+        roots.append(torch.linalg.cholesky(belief.covariance[POSITION, POSITION]))
+    deviations = torch.randn(_DRAWS, 3, generator=torch.Generator().manual_seed(0)) @ torch.stack(roots).mT
+    fewest, best = math.inf, None
+    for direction in _DIRECTIONS:
+        wanted = safety_filter.config.speed * direction.expand(steps, 3)
+        path = robot.roll_out_hold(start, wanted, dt, rest=0.0).states.position[1:, None]
+        expected = safety_filter.blocks(path + deviations).float().mean(-1).sum().item()
+        if expected < fewest:
+            fewest, best = expected, wanted[0] if direction.any() else None
+    return best
 
 
 def look_before_leaving(step: NavigationStep, memory: SupervisorMemory, flight: FlightContext) -> NavigationStep:

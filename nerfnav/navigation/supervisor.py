@@ -3,7 +3,8 @@
 A filter that rejects a picture (its innovation or its residual fails the test) returns the prediction. The supervisor
 then widens the belief, so that the next picture may move it further. After several rejections in a row it runs global
 localization, and the belief restarts where that finds the robot; until then the filter ignores pictures. In all states
-that hold, the robot comes to rest by its believed velocity, which it knows better than its position.
+that hold, the robot comes to rest by its believed velocity, which it knows better than its position; one that is BLIND
+may move away from what is near, or back to its last view (looking.py).
 
 TRANSITIONS is the whole machine: after each picture the first row that applies gives the action and the next state.
 Two actions come from elsewhere: the safety filter takes BACKUP where it rejects a plan (fallback.py), and a flight

@@ -1,6 +1,7 @@
 """Robots that see nothing and turn to where something is to be seen."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -11,17 +12,18 @@ from nerfnav.estimator import Belief
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.fallback import come_to_rest
-from nerfnav.navigation.flight import NavigateConfig, NavigationStack
-from nerfnav.navigation.looking import command_yaw_rate, find_turn, side_of
+from nerfnav.navigation.fallback import FallbackConfig, SafetyFilter, come_to_rest
+from nerfnav.navigation.flight import FlightContext, NavigateConfig, NavigationStack
+from nerfnav.navigation.looking import command_yaw_rate, find_turn, give_way, hold, side_of
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.supervisor import SupervisorAction, SupervisorConfig
+from nerfnav.navigation.supervisor import SupervisorAction, SupervisorConfig, SupervisorMemory
 from nerfnav.planner.active_yaw import wrap_yaw
 from nerfnav.planner.visibility import find_best_turn
-from nerfnav.robots import RigidState, StateNoise
+from nerfnav.robots import NoiseModel, RigidState, StateNoise, load
 from tests.navigation.doubles import CALM, REQUEST, ROBOT, Oracle, StraightPlanner, draws, simulator
 from tests.navigation.test_expected_belief import flight
 from tests.planner.objective.test_default_ends import field_of
+from tests.planner.places import Wall
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
 _PLACE = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
@@ -79,6 +81,41 @@ def test_a_robot_that_holds_turns_to_where_pictures_should_tell_it_most_and_not_
     assert abs(heading) < 1.0
     blind = Belief(RigidState.at_rest((-0.6, 0.0, 0.3), heading), StateNoise.isotropic(0.1**2).covariance())
     assert abs(find_turn(away, (blind,), flight()) - turn) > 0.1
+
+
+def beside_wall(x: float, position_m: float = 0.03) -> tuple[Belief, FlightContext]:
+    """A belief in a box with a wall at |x| < 0.1, and a flight with a safety filter there."""
+    world = simulator()
+    stack = NavigationStack(StraightPlanner(), Oracle(world), safety_filter=SafetyFilter(Wall(door=0.0), ROBOT))
+    belief = Belief(RigidState.at_rest((x, 0.0, 0.5)), replace(CALM, position_m=position_m).covariance())
+    return belief, FlightContext(REQUEST, world, stack, NavigateConfig(), draws(1))
+
+
+@pytest.mark.parametrize("x", [-0.3, -0.18, 0.18, 0.3])
+def test_a_robot_that_sees_too_little_gives_way_to_a_wall_beside_it(x: float) -> None:
+    belief, context = beside_wall(x)
+    velocity = give_way(belief, context)
+    assert velocity is not None and velocity.norm() == pytest.approx(FallbackConfig.speed)
+    assert velocity[0] * x > 0 and velocity[0].abs() > 2 * velocity[1:].norm(), "away from the wall"
+
+
+def test_a_robot_that_sees_too_little_rests_where_nothing_is_near_or_known_and_on_the_ground() -> None:
+    belief, context = beside_wall(-0.55)
+    calm = replace(SafetyFilter(Wall(door=0.0), ROBOT), noise=NoiseModel(CALM))
+    for stack in (replace(context.stack, safety_filter=calm), replace(context.stack, safety_filter=None)):
+        assert give_way(belief, replace(context, stack=stack)) is None
+    belief, context = beside_wall(-0.3)
+    assert give_way(belief, replace(context, simulator=replace(context.simulator, robot=load("couch")))) is None
+
+
+def test_a_blind_robot_is_led_away_from_a_wall_and_one_whose_belief_is_not_trusted_comes_to_rest() -> None:
+    belief, context = beside_wall(-0.25)
+    plan = come_to_rest(ROBOT, belief.mean, 6, 0.1)
+    memory = SupervisorMemory(plan, unsure=1)
+    blind = NavigationStep(1, 0.1, None, belief.mean, belief, None, None, plan, False, 0.0, 0.0, apparent=belief)
+    for action, led in ((SupervisorAction.BLIND, True), (SupervisorAction.SEARCHED, False)):
+        end = hold(replace(blind, recovery=action), belief.mean, plan, memory, context).states[-1]
+        assert bool(end.position[0] < -0.3) is led and bool(end.velocity[0] < -0.2) is led
 
 
 @pytest.mark.parametrize(("name", "rate"), [

@@ -90,6 +90,14 @@ class CSpace:
         nodes = (np.argwhere(blocked) + first) * self.spacing + self.lower
         return min((nearest, *(float(np.linalg.norm(nodes - place, axis=1).min()) for place in path if len(nodes))))
 
+    def blocks(self, places: Float[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
+        """Check whether the body does not fit at places [m] with some heading, by the nearest nodes; beyond the border
+        it does not."""
+        nodes, shape = np.rint((places - self.lower) / self.spacing), self.by_heading.shape[1:]
+        inside = np.logical_and(nodes >= 0, nodes < shape).all(-1)
+        x, y, z = np.moveaxis(np.where(np.expand_dims(inside, -1), nodes, 0).astype(int), -1, 0)
+        return np.logical_or(self.by_heading[:, x, y, z].any(0), ~inside)
+
     @classmethod
     def _sampled(cls, field: Field, body: Body, scales: Scales, wanted: float, height: float | None) -> "CSpace":
         box = field.box.to("cpu")

@@ -184,3 +184,11 @@ def test_the_clearance_is_the_distance_to_the_obstacle_or_to_the_border_and_is_m
     assert space.clearance(path, 0.3) == space.clearance(path[1:], 0.3) < space.clearance(path[:1], 0.3)
     for nowhere in ([0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [math.nan, 0.0, 0.0]):
         assert space.clearance(np.array([nowhere]), 0.3) < 1e-6
+
+
+def test_places_are_blocked_as_the_nearest_nodes_are_and_beyond_the_border() -> None:
+    space = CSpace.of(block((0.2, 0.1, 0.15)), ROBOT.body)
+    face = 0.2 + 0.5 * ROBOT.body.extents[0]
+    free, solid = [face + 1.5 * GRAIN, 0.0, 0.0], [face - 1.5 * GRAIN, 0.0, 0.0]
+    beyond, unknown = [0.7, 0.0, 0.0], [math.nan, 0.0, 0.0]
+    assert space.blocks(np.array([[free, solid], [beyond, unknown]])).tolist() == [[False, True], [True, True]]
