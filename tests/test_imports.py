@@ -84,10 +84,10 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("detect",),
     ),
     "nerfnav.navigation": (
-        ("gust", "supervisor_state"),
-        ("fallback", "simulator", "supervisor"),
+        ("gust", "supervisor_state", "watch"),
+        ("fallback", "seen_movers", "simulator", "supervisor"),
         ("episode", "flight"),
-        ("landing",),
+        ("landing", "watching"),
         ("expected_belief",),
         ("looking",),
         ("first_plan", "physical", "realtime"),

@@ -48,16 +48,18 @@ def open_with_obstacles(place: Place, path: Path) -> Place:
 
 
 def require_standing(path: Path) -> None:
-    """Raise InvalidInputError for a file that cannot be read, or in which an obstacle moves."""
+    """Raise InvalidInputError for a file that cannot be read, or in which an obstacle moves or is not announced."""
     for obstacle in read_obstacles(path).moving:
+        does, what = ("moves", "its motion") if obstacle.moves else ("is not announced", "its `seen`")
         raise InvalidInputError(
-            f"{path}: the obstacle {obstacle.name!r} moves, and here obstacles stand: leave its motion out"
+            f"{path}: the obstacle {obstacle.name!r} {does}, and here obstacles stand: leave {what} out"
         )
 
 
 def take_up(obstacle: Obstacle) -> Obstacle:
-    """An obstacle in a hand; one that moves, and a part of the field, stay what they are."""
-    return obstacle if obstacle.moves or isinstance(obstacle.shape, CutOut) else replace(obstacle, motion=Held())
+    """An obstacle in a hand; one that is beside the field, and a part of it, stay what they are."""
+    stays = obstacle.moves or obstacle.seen or isinstance(obstacle.shape, CutOut)
+    return obstacle if stays else replace(obstacle, motion=Held())
 
 
 def put_down(place: Place) -> Place:
@@ -112,7 +114,7 @@ def require_clear_ends(obstacles: ObstacleSet, robot: Robot, ends: Ends) -> None
 
 
 def _standing(obstacles: ObstacleSet) -> ObstacleSet:
-    return ObstacleSet(tuple(obstacle for obstacle in obstacles.obstacles if not obstacle.moves))
+    return ObstacleSet(obstacles.standing)
 
 
 def find_touched(obstacles: Iterable[Obstacle], robot: Robot, state: RigidState, time: float = 0.0) -> Obstacle | None:

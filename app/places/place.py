@@ -70,12 +70,21 @@ class Place:
 
     @cached_property
     def movers(self) -> "Movers | None":
-        """The obstacles that move, as planners take them; None where none does."""
+        """The obstacles beside the place, which move or are seen alone; None where there are none."""
         if self.obstacles is None or not self.obstacles.moving:
             return None
         from nerfnav.planner import Movers  # slow to import, and seldom needed
 
         return Movers(self.obstacles.moving)
+
+    @cached_property
+    def announced_movers(self) -> "Movers | None":
+        """Those of them that are announced to planners; None where there are none."""
+        if self.obstacles is None or not self.obstacles.announced:
+            return None
+        from nerfnav.planner import Movers  # slow to import, and seldom needed
+
+        return Movers(self.obstacles.announced)
 
     def without_obstacles(self) -> "Place":
         """The same place as it is without the obstacles."""

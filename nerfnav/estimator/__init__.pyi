@@ -2,6 +2,7 @@ from . import estimators as estimators
 from .calibration import Calibration as Calibration
 from .calibration import calibrate_field as calibrate_field
 from .consistency import Consistency as Consistency
+from .consistency import correct_masked as correct_masked
 from .consistency import update_consistently as update_consistently
 from .core.belief import ELLIPSOID_95 as ELLIPSOID_95
 from .core.belief import Belief as Belief

@@ -31,8 +31,18 @@ from scipy import special
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE, Belief
-from nerfnav.estimator.core.filter_step import Estimator, FilterOutcome, FilterResult, FilterStep, Masked, Predictor
+from nerfnav.estimator.core.filter_step import (
+    Corrector,
+    Estimator,
+    FilterOutcome,
+    FilterResult,
+    FilterStep,
+    FilterUpdate,
+    Masked,
+    Predictor,
+)
 from nerfnav.estimator.photometric.pixel_selection import Hidden
+from nerfnav.robots import ProcessNoise
 
 REMEDY = "add texture, light or an inertial unit, or fly higher"
 """Remedy where there is too little to see."""
@@ -212,6 +222,18 @@ def update_consistently(
     if not isinstance(estimator, Predictor):
         return (yield from estimator.update(belief, image, action, dt, generator))
     prediction, noise = estimator.predict(belief, action, dt, consistency.noise_factor)
+    return (yield from correct_masked(estimator, prediction, image, generator, noise, hidden))
+
+
+def correct_masked(
+    estimator: Corrector,
+    prediction: Belief,
+    image: Tensor | None,
+    generator: torch.Generator,
+    noise: ProcessNoise | None = None,
+    hidden: Hidden | None = None,
+) -> FilterUpdate:
+    """Correct as `estimator.correct` does, without the pixels that are `hidden`, where it takes these."""
     masked = None if hidden is None else _as_masked(estimator)
     if masked is not None:
         return (yield from masked.correct(prediction, image, generator, noise, hidden))

@@ -36,6 +36,7 @@ from nerfnav.navigation import (
     NavigationStack,
     NavigationStep,
     Simulator,
+    Watch,
     WorldName,
     build_safe_planner,
     compensate_latency,
@@ -142,12 +143,14 @@ class FlightTrial:
 class Traffic:
     """Obstacles that move in a flight, and what the robot knows of them."""
 
-    movers: Movers
-    """The obstacles."""
+    movers: Movers | None
+    """The obstacles; None: there are none."""
     announced: bool = True
     """The planner knows their motion."""
     masked: bool = True
-    """The filter leaves out the pixels that they cover, where they are announced."""
+    """The filter leaves out the pixels that they cover, where they are announced or seen."""
+    watched: bool = False
+    """The robot looks for them in its pictures."""
 
 
 def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
@@ -175,10 +178,14 @@ def fly_problem(
         return []
 
 
-def first_plan(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Motion | None:
-    """Plan the problem of a trial as a flight does before take-off; None where it cannot begin."""
-    known = replace(trial, known=True)
-    first = next((event for event in _flight(arena, problem, known, None, None) if isinstance(event, PlanResult)), None)
+def first_plan(arena: Arena, problem: PlanProblem, trial: FlightTrial, traffic: Traffic | None = None) -> Motion | None:
+    """Plan the problem of a trial as a flight does before take-off; None where it cannot begin.
+
+    Headings are chosen for the camera where there is `traffic`.
+    """
+    trial = replace(trial, known=trial.known or traffic is None)
+    events = _flight(arena, problem, trial, None, traffic)
+    first = next((event for event in events if isinstance(event, PlanResult)), None)
     return None if first is None else first.motion
 
 
@@ -231,7 +238,8 @@ def _flight(
             return torch.zeros(robot.camera.height, robot.camera.width, 3, dtype=torch.uint8)
         return make_renderer(arena).render(robot.camera, pose).image
 
-    overlay = None if traffic is None or trial.known else Overlay(traffic.movers.obstacles)
+    movers = None if traffic is None else traffic.movers
+    overlay = None if movers is None or trial.known else Overlay(movers.obstacles)
 
     def look_at_traffic(pose: Pose, time: float) -> Tensor:
         assert overlay is not None
@@ -242,7 +250,7 @@ def _flight(
     simulator = world.simulate(Simulator(
         robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact, box=problem.field.box,
         level_contact=level_contact_check(arena.scene, robot.body, LEVEL),
-        movers=None if traffic is None else traffic.movers, camera_at=None if overlay is None else look_at_traffic,
+        movers=movers, camera_at=None if overlay is None else look_at_traffic,
     ))  # fmt: skip
     if trial.known:
         config = replace(config, initial=KNOWN)
@@ -256,6 +264,8 @@ def _flight(
         stack = NavigationStack(planner, estimator, searcher, safety_filter, arena.field, map_error)
         if overlay is not None and traffic is not None and traffic.announced and traffic.masked:
             stack = replace(stack, hidden=partial(overlay.covered, robot.camera))
+        if traffic is not None and traffic.watched:
+            stack = replace(stack, watch=Watch.of(arena.field, robot, masks=traffic.masked))
         stack = compensate_latency(stack, simulator)
     request = FlightRequest(problem.goal, problem.steps, problem.dt, plan)
     return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))

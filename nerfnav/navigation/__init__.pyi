@@ -26,6 +26,7 @@ from .physical.config import PhysicalConfig as PhysicalConfig
 from .physical.worlds import WORLDS as WORLDS
 from .physical.worlds import WorldName as WorldName
 from .physical.worlds import compensate_latency as compensate_latency
+from .seen_movers import SeenMovers as SeenMovers
 from .simulator import CameraAtTime as CameraAtTime
 from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
@@ -34,3 +35,4 @@ from .simulator import world_generator as world_generator
 from .supervisor_state import StateChange as StateChange
 from .supervisor_state import SupervisorAction as SupervisorAction
 from .supervisor_state import SupervisorState as SupervisorState
+from .watch import Watch as Watch

@@ -30,6 +30,7 @@ from nerfnav.estimator import (
     RelocaliseStep,
 )
 from nerfnav.navigation.fallback import FallbackTrajectory
+from nerfnav.navigation.seen_movers import SeenMovers
 from nerfnav.navigation.supervisor_state import StateChange, SupervisorAction, SupervisorState, state_after
 from nerfnav.planner import PlanStep
 from nerfnav.planner.steps import Restart
@@ -132,6 +133,8 @@ class NavigationStep:
 
     consistency: Consistency | None = None
     """Consistency monitor of the filter; None in open loop, at index 0, and of filters whose noise is not scaled."""
+    seen: SeenMovers | None = None
+    """What pictures show and the field does not; None where the robot does not watch."""
 
     @property
     def filter_belief(self) -> Belief:

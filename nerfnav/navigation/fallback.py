@@ -3,7 +3,8 @@
 Each candidate brakes to a target velocity and then to rest: straight on, upwards, and away from obstacles (down the
 slope of the collision map). It is judged as plans are, by Eq. 1 on the field that planners see, where unproven space
 is solid; it is safe when a collision is less likely than not and it ends at rest where the body fits. (As SUPER does
-on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science Robotics, 2025.)
+on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science Robotics, 2025.) Where movers
+touch all of them, the one that they touch last is flown in place of a plan that they touch, too.
 
 `build_safe_planner` makes the planner of a disturbed robot, and the safety filter that keeps a fallback ready.
 `come_to_rest` is the trajectory of a robot that does not know its position, and therefore no free space.
@@ -61,6 +62,8 @@ class FallbackConfig:
     """Of these, the first ones in which it evades."""
     speed: float = 0.4
     """Speed of the evasion [m/s]."""
+    fast: float = 1.0
+    """Speed of evasions from movers, where slower ones are touched [m/s]."""
     resting: float = 0.1
     """Speed below which the robot counts as at rest [m/s]."""
 
@@ -75,6 +78,10 @@ class FallbackTrajectory:
     """Upper bound of the probability that it collides, by Eq. 1."""
     safe: bool
     """Whether it ends at rest where the body fits, and a collision on the way is less likely than not."""
+    touched_s: float = math.inf
+    """Time until it touches a mover [s]; infinity where it does not."""
+    hits: bool = False
+    """Whether a collision with what stands is as likely as not."""
 
 
 @dataclass(frozen=True)
@@ -100,23 +107,29 @@ class SafetyFilter:
         if planned.outcome in _UNSAFE and not best.safe:
             for velocity in self._evasions(start, dt):
                 found = self._judge(self._brake(start, velocity, dt), time)
-                best = max(best, found, key=lambda fallback: (fallback.safe, -fallback.bound))
+                best = max(best, found, key=lambda each: (each.safe, not each.hits, -each.bound, each.touched_s))
                 if best.safe:
                     break
         return best
 
     def rejects(self, planned: PlanResult, fallback: FallbackTrajectory, time: float = 0.0) -> bool:
         """Check whether the fallback is flown in place of a plan from a time of the flight [s] on: it is safe, and the
-        plan is not."""
-        return planned.outcome in _UNSAFE and fallback.safe and fallback.bound < self._bound(planned.motion, time)
-
-    def touches_movers(self, motion: Motion, time: float) -> bool:
-        """Check whether a motion from a time of the flight [s] on touches a mover, or is touched soon after its end."""
-        if self.movers is None or not motion.states.position.isfinite().all():
+        plan is not; or movers touch both, and nothing that stands is in the fallback's way."""
+        if planned.outcome not in _UNSAFE:
             return False
+        if fallback.safe:
+            return fallback.bound < self._bound(planned.motion, time)
+        return self.touched_s(planned.motion, time) < math.inf and not fallback.hits
+
+    def touched_s(self, motion: Motion, time: float) -> float:
+        """Return the time until a motion from a time of the flight [s] on touches a mover, or is touched soon after its
+        end [s]; infinity where it is not."""
+        if self.movers is None or not motion.states.position.isfinite().all():
+            return math.inf
         waits = motion.states[-1:][torch.zeros(1 + math.ceil(_RESTING_S / motion.dt), dtype=torch.long)]
         states = RigidState.cat([motion.states, waits])
-        return bool((self.movers.least_gaps(states, motion.dt, self.robot.body, time) <= 0).any())
+        touched = self.movers.least_gaps(states, motion.dt, self.robot.body, time) <= 0
+        return motion.dt * int(touched.argmax()) if touched.any() else math.inf
 
     def collision_probability(self, motion: Motion, tolerance: float = 0.0, time: float = 0.0) -> float:
         """Estimate the probability that a flight by a plan, from a time of the flight [s] on, touches something before
@@ -150,7 +163,7 @@ class SafetyFilter:
         return torch.from_numpy(cached_c_space(self.field, self.robot, None).blocks(places.double().numpy()))
 
     def _bound(self, motion: Motion, time: float) -> float:
-        if not motion.states.position.isfinite().all() or self.touches_movers(motion, time):
+        if not motion.states.position.isfinite().all() or self.touched_s(motion, time) < math.inf:
             return 1.0
         return collision_probability_bound(self.field, motion, self.robot.body)
 
@@ -162,8 +175,9 @@ class SafetyFilter:
         if slope.norm() > 0:
             yield -self.config.speed * slope / slope.norm()
         if self.movers is not None:
-            for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
-                yield self.config.speed * slope.new_tensor([x, y, 0.0])
+            for speed in (self.config.speed, self.config.fast):
+                for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+                    yield speed * slope.new_tensor([x, y, 0.0])
 
     def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
         """Direction in which the chance of a collision by noise rises most."""
@@ -178,9 +192,12 @@ class SafetyFilter:
         return self.robot.roll_out_hold(start, velocities, dt, self.config.resting)
 
     def _judge(self, motion: Motion, time: float) -> FallbackTrajectory:
-        bound, last = self._bound(motion, time), motion.states[-1]
+        touched_s, last, standing = self.touched_s(motion, time), motion.states[-1], 1.0
+        if motion.states.position.isfinite().all():
+            standing = collision_probability_bound(self.field, motion, self.robot.body)
+        bound = standing if touched_s == math.inf else 1.0
         rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
-        return FallbackTrajectory(motion, bound, rests and bound < NEAR_CERTAIN)
+        return FallbackTrajectory(motion, bound, rests and bound < NEAR_CERTAIN, touched_s, standing >= NEAR_CERTAIN)
 
 
 def build_safe_planner(

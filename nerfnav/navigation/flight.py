@@ -5,21 +5,24 @@ gust, a kidnapping or a search; the active goal follows from that.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import ConsiderCovariance, Estimator, FilterConfig
 from nerfnav.field import Field
 from nerfnav.geometry import Pose
 from nerfnav.navigation.fallback import SafetyFilter
 from nerfnav.navigation.gust import GustStrength
+from nerfnav.navigation.seen_movers import SeenMovers
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorConfig
-from nerfnav.planner import Planner
+from nerfnav.navigation.watch import Watch
+from nerfnav.planner import FieldPlanner, Planner
 from nerfnav.robots import Motion, RigidState, StateNoise
 
 HiddenFunction = Callable[[Pose, float], Bool[Tensor, "height width"]]
@@ -155,6 +158,26 @@ class NavigationStack:
     """Error of that field, the same in picture after picture."""
     hidden: HiddenFunction | None = None
     """Marks the pixels that announced movers cover; None: none does. Filters that take no such pixels compare all."""
+    watch: Watch | None = None
+    """Looks for what the field does not show; None: a robot knows of announced movers alone."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for a robot that watches, and whose planner knows no movers."""
+        if self.watch is not None and not getattr(self.planner, "avoids_movers", False):
+            raise InvalidInputError(
+                "this planner knows no obstacles that move: take --planner fast, or leave --watch out"
+            )
+
+    def among(self, seen: SeenMovers | None) -> "NavigationStack":
+        """Return the stack that keeps clear of seen movers, too."""
+        movers = None if seen is None else seen.movers
+        if movers is None or not isinstance(self.planner, FieldPlanner):
+            return self
+        planner, safety_filter = self.planner, self.safety_filter
+        planner = replace(planner, movers=movers.beside(planner.movers))
+        if safety_filter is not None:
+            safety_filter = replace(safety_filter, movers=movers.beside(safety_filter.movers))
+        return replace(self, planner=planner, safety_filter=safety_filter)
 
 
 @dataclass(frozen=True)

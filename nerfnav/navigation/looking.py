@@ -109,17 +109,17 @@ def _hover_objective(place: RigidState, views: Sequence[Belief], flight: FlightC
 
 
 def make_yaw_objective(
-    camera_field: Field, solid: Field, robot: Robot, mount: Pose, enough: float
+    camera_field: Field, solid: Field, robot: Robot, mount: Pose, enough: float, looks_ahead: bool = False
 ) -> YawObjective | None:
     """Make the objective of a robot whose camera, at `mount` T_body_camera, sees one field, and whose body fits in
-    another, `solid`.
+    another, `solid`; a robot that watches `looks_ahead`.
 
     None where visibility does not count (`enough` 0, see NavigateConfig.in_sight), and on the ground, where a turn
     takes room, or changes the path.
     """
     if enough == 0 or robot.planar:
         return None
-    return YawObjective(camera_field, enough, mount, partial(fits, solid, robot.body))
+    return YawObjective(camera_field, enough, mount, partial(fits, solid, robot.body), looks_ahead=looks_ahead)
 
 
 def yaw_objective_of(flight: FlightContext) -> YawObjective | None:
@@ -128,7 +128,8 @@ def yaw_objective_of(flight: FlightContext) -> YawObjective | None:
     if field is None:
         return None
     solid = field if safety_filter is None else safety_filter.field
-    return make_yaw_objective(field, solid, flight.simulator.robot, flight.simulator.mount, flight.config.in_sight)
+    robot, mount, watches = flight.simulator.robot, flight.simulator.mount, flight.stack.watch is not None
+    return make_yaw_objective(field, solid, robot, mount, flight.config.in_sight, watches)
 
 
 def command_yaw_rate(state: RigidState, aim: float | None, most: float, around: float, dt: float) -> float:
@@ -178,7 +179,7 @@ def hold(
     if action is not None and action.turns:
         lost = action is SupervisorAction.SEARCHED
         if not lost and (velocity := _way_back(step, memory, flight)) is None:
-            velocity = give_way(Belief(start, step.belief.covariance), flight)
+            velocity = give_way(Belief(start, step.belief.covariance), flight, step.time)
         if step.filter_outcome is not FilterOutcome.UPDATED:  # what the field shows elsewhere may be wrong
             turn = choose_turn(step, memory, flight, lost)
     return come_to_rest(robot, start, flight.config.recovery.rest, flight.request.dt, turn, velocity)
@@ -203,12 +204,13 @@ def _way_back(step: NavigationStep, memory: SupervisorMemory, flight: FlightCont
     return (there - here) * (min(config.back, distance / _IN_VAIN_S) / distance)
 
 
-def give_way(belief: Belief, flight: FlightContext) -> Tensor | None:
-    """Return the velocity with the fewest expected collisions of a robot that holds and sees too little [m/s].
+def give_way(belief: Belief, flight: FlightContext, time: float = 0.0) -> Tensor | None:
+    """Return the velocity with the fewest expected collisions, from a time of the flight [s] on, of a robot that holds
+    and sees too little [m/s].
 
     Without pictures its position after k steps is x_k ~ N(mu_k, Sigma_k), by the noise of the flight's steps. The
-    expectation is sum_k P(the body does not fit at x_k) over the next _SOON_S, by draws, of rest and of evasions in all
-    directions. None: rest; also on the ground, and without a safety filter.
+    expectation is sum_k P(the body does not fit at x_k, or touches a mover) over the next _SOON_S, by draws, of rest
+    and of evasions in all directions. None: rest; also on the ground, and without a safety filter.
     """
     safety_filter, robot, dt = flight.stack.safety_filter, flight.simulator.robot, flight.request.dt
     if safety_filter is None or robot.planar:
@@ -218,11 +220,17 @@ def give_way(belief: Belief, flight: FlightContext) -> Tensor | None:
         belief = predict(belief, action, robot, dt, safety_filter.noise.process)
         roots.append(torch.linalg.cholesky(belief.covariance[POSITION, POSITION]))
     deviations = torch.randn(_DRAWS, 3, generator=torch.Generator().manual_seed(0)) @ torch.stack(roots).mT
+    times, movers = time + dt * np.arange(1, steps + 1), safety_filter.movers
+    boxes = None if movers is None else movers.boxes(np.repeat(times, _DRAWS), robot.body)
     fewest, best = math.inf, None
     for direction in _DIRECTIONS:
         wanted = safety_filter.config.speed * direction.expand(steps, 3)
-        path = robot.roll_out_hold(start, wanted, dt, rest=0.0).states.position[1:, None]
-        expected = safety_filter.blocks(path + deviations).float().mean(-1).sum().item()
+        places = robot.roll_out_hold(start, wanted, dt, rest=0.0).states.position[1:, None] + deviations
+        meets = safety_filter.blocks(places)
+        if boxes is not None:
+            gaps = boxes.gaps(places.reshape(-1, 3).double().numpy()).min(-1)
+            meets |= torch.from_numpy(gaps <= 0).reshape(meets.shape)
+        expected = meets.float().mean(-1).sum().item()
         if expected < fewest:
             fewest, best = expected, wanted[0] if direction.any() else None
     return best

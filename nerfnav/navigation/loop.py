@@ -5,7 +5,8 @@
     repeat:
         act        first action of the plan
         look       picture of the robot's camera
-        correct    filter (Eqs. 3-8): prediction by the action, correction by the picture
+        correct    filter (Eqs. 3-8): prediction by the action, correction by the picture; a robot that watches finds
+                   what the field does not show (watching.py), which the plan then keeps clear of
         supervise  widen the belief, relocalize or hold where pictures disagree with it (supervisor.py)
         replan     warm-started from the posterior mean; come to rest where the supervisor holds, or where the safety
                    filter rejects the plan (fallback.py)
@@ -30,6 +31,7 @@ from nerfnav.estimator import (
     Predictor,
     RelocaliseResult,
     RelocaliseStep,
+    correct_masked,
     update_consistently,
 )
 from nerfnav.estimator.core.prediction import predict
@@ -51,6 +53,7 @@ from nerfnav.navigation.realtime import fly_missed_steps, measure_time
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import SIGMAS, Evidence, SupervisorMemory, sees_little
 from nerfnav.navigation.supervisor_state import SupervisorAction, SupervisorState
+from nerfnav.navigation.watching import among_seen, find_movers, foresee_after, foresee_picture
 from nerfnav.planner import PlanOutcome, PlanResult, PlanStep, PlanSteps, Route
 from nerfnav.robots import Motion, RigidState
 
@@ -135,7 +138,8 @@ def take_off(
             goal = replace(goal, end=rest.states[-1], keeps_headings=True)  # the first plan has chosen them
         else:
             goal, rest = choose_headings(goal, step.truth, rest, flight)
-        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, len(rest.actions), step.time, flight)
+        among = among_seen(step, flight)
+        planned, ms, goal = yield from _replan(rest, step.belief.mean, goal, len(rest.actions), step.time, among)
         step = replace(step, plan=planned.motion, replan_ms=first.replan_ms + ms)
     safety_filter, most = flight.stack.safety_filter, config.most_risk
     if step.outcome is None and safety_filter is not None:
@@ -169,21 +173,14 @@ def correct(
     used = None if memory.distrusts else image  # a false belief may agree with it by chance
     dt, action = flight.request.dt, last.plan.actions[0]
     estimator, monitor = flight.stack.estimator, last.consistency or Consistency()
-    hidden = None if used is None else _hidden_by_movers(last, now.time, flight)
-    steps = update_consistently(estimator, last.filter_belief, used, action, dt, flight.generator, monitor, hidden)
+    view = foresee_after(last, used, flight)
+    steps = update_consistently(estimator, last.filter_belief, used, action, dt, flight.generator, monitor, view.hidden)
     done = yield from _run_filter(steps, replace(now, image=image), flight)
+    done = replace(done, seen=find_movers(done, last.seen, view, flight))
     if done.update is None or not isinstance(estimator, Predictor):
         return done
     placed = last.recovery is None or not last.recovery.turns
     return replace(done, consistency=monitor if used is None else monitor.after(done.update, placed))
-
-
-def _hidden_by_movers(last: NavigationStep, time: float, flight: FlightContext) -> Tensor | None:
-    """Mark the pixels in which announced movers stand before the field, from where the robot should be by now."""
-    if flight.stack.hidden is None:
-        return None
-    ahead = flight.simulator.robot.step(last.filter_belief.mean, last.plan.actions[0], flight.request.dt)
-    return flight.stack.hidden(ahead.pose.compose(flight.simulator.mount), time)
 
 
 def supervise(
@@ -228,7 +225,7 @@ def replan(
     now: NavigationStep, last: NavigationStep, goal: ActiveGoal, memory: SupervisorMemory, flight: FlightContext
 ) -> Generator[PlanStep, None, tuple[NavigationStep, ActiveGoal]]:
     """Plan the rest of the last plan from the posterior mean; come to rest where the supervisor holds."""
-    request, clock, state = flight.request, flight.request.clock, now.recovery
+    request, clock, state, flight = flight.request, flight.request.clock, now.recovery, among_seen(now, flight)
     here = _start_of_plan(last.plan, now.belief.mean, flight)
     if state is not None and state.holds:
         return replace(now, plan=hold(now, here, last.plan, memory, flight)), goal
@@ -240,6 +237,10 @@ def replan(
     leads = state is not SupervisorAction.RELOCALISED and goal.since < max(memory.planned_at, 1)
     if leads:
         steps = max(memory.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
+        if now.seen is not None:
+            steps = max(
+                steps, now.seen.steps_at_pace(torch.cat([here.position[None], rest.states.position[1:]]), rest.dt)
+            )
     if goal.end is None or memory.held or (now.image is not None and sees_little(now.filter_outcome)):
         goal, rest = choose_headings(goal, here, rest, flight, leads, (*memory.views, now.filter_belief))
     headings_ms = 1e3 * (clock() - began)
@@ -315,8 +316,10 @@ def _correct_at_rest(step: NavigationStep, flight: FlightContext) -> Generator[F
     if not flight.config.look_first or not isinstance(estimator, Corrector) or not estimator.trust_dynamics:
         return step
     image = flight.simulator.look()
-    steps = estimator.correct(step.filter_belief, image, flight.generator)
+    view = foresee_picture(image, step.filter_belief, step.time, flight)
+    steps = correct_masked(estimator, step.filter_belief, image, flight.generator, hidden=view.hidden)
     done = yield from _run_filter(steps, replace(step, image=image), flight)
+    done = replace(done, seen=find_movers(done, None, view, flight))
     if done.filter_outcome is FilterOutcome.UPDATED:
         return replace(done, belief=flight.stack.map_error.beside(done.filter_belief))
     return replace(done, apparent=step.apparent)

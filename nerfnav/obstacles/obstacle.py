@@ -49,6 +49,8 @@ class Obstacle:
     """Offset from the position as a function of time."""
     color: Vector = (0.85, 0.45, 0.1)
     """sRGB, 0 to 1."""
+    seen: bool = False
+    """Whether it is not announced to robots, which may see it."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a pose that is not finite, and a colour outside 0 to 1."""
@@ -142,6 +144,21 @@ class ObstacleSet:
         return max((obstacle.motion.speed_bound for obstacle in self.obstacles), default=0.0)
 
     @property
+    def standing(self) -> tuple[Obstacle, ...]:
+        """The obstacles that are part of a place: they are announced, and have no motion."""
+        return tuple(obstacle for obstacle in self.obstacles if not (obstacle.moves or obstacle.seen))
+
+    @property
     def moving(self) -> tuple[Obstacle, ...]:
-        """The obstacles that have a motion."""
-        return tuple(obstacle for obstacle in self.obstacles if obstacle.moves)
+        """The obstacles beside a place: they have a motion, or are not announced."""
+        return tuple(obstacle for obstacle in self.obstacles if obstacle.moves or obstacle.seen)
+
+    @property
+    def has_seen(self) -> bool:
+        """Check for an obstacle that is not announced."""
+        return any(obstacle.seen for obstacle in self.obstacles)
+
+    @property
+    def announced(self) -> tuple[Obstacle, ...]:
+        """The obstacles beside a place that are announced to robots."""
+        return tuple(obstacle for obstacle in self.moving if not obstacle.seen)

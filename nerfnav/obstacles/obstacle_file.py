@@ -8,6 +8,8 @@
       - {name: chair, mesh: chair.stl, position: [3, 0, 0]}    # beside the file, closed, in m
       - {name: stone, cut_out: {box: [1, 1, 2], position: [0, 0, 1]}, position: [2, 0, 1]}    # a part of the field
 
+      - {name: cat, sphere: 0.15, motion: {velocity: [0.3, 0, 0]}, seen: true}    # not announced
+
     motion: {way_points: {points: [[0, 0, 0], [2, 0, 0]], speed: 0.5, closed: true}}
     motion: {velocity: [0.2, 0, 0], max_speed: 0.5}
     motion: {walk: {lower: [-1, -1, 0], upper: [1, 1, 0], speed: 0.4, seed: 3}}
@@ -128,6 +130,7 @@ class ObstacleEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=Tr
     rotation: Point = (0.0, 0.0, 0.0)
     color: tuple[Share, Share, Share] | None = None
     motion: MotionEntry | None = None
+    seen: bool = False
 
 
 class ObstacleFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -209,7 +212,7 @@ def _entry_of(obstacle: Obstacle, mesh: str) -> ObstacleEntry:
     """Describe an obstacle as files do; `mesh` is the name of the file of its mesh, if it is one."""
     entry = ObstacleEntry(
         obstacle.name, position=obstacle.position, rotation=obstacle.rotation, color=obstacle.color,
-        motion=_motion_entry_of(obstacle.motion),
+        motion=_motion_entry_of(obstacle.motion), seen=obstacle.seen,
     )  # fmt: skip
     match obstacle.shape:
         case BoxShape(extents):
@@ -255,8 +258,14 @@ def _obstacle_of(entry: ObstacleEntry, where: str, folder: Path) -> Obstacle:
     motion = _checked(f"{where}.motion", lambda: _motion_of(entry.motion))
     if entry.cut_out is not None and motion is not STILL:
         raise InvalidInputError(f"{where} is a cut_out that moves, and parts of a field stand: leave its motion out")
+    if entry.cut_out is not None and entry.seen:
+        raise InvalidInputError(
+            f"{where} is a cut_out that is seen alone, and parts of a field are in the map: leave seen out"
+        )
     colored: dict[str, Any] = {} if entry.color is None else {"color": entry.color}
-    return _checked(where, lambda: Obstacle(entry.name, shape, entry.position, entry.rotation, motion, **colored))
+    return _checked(
+        where, lambda: Obstacle(entry.name, shape, entry.position, entry.rotation, motion, seen=entry.seen, **colored)
+    )
 
 
 def _shape_of(entry: ObstacleEntry, folder: Path) -> Shape:

@@ -36,6 +36,8 @@ _FEWEST = 5
 """Fewest steps of a path on which the yaw may be chosen: the headings of the first two times are given."""
 _WORTH = 1.0
 """Fewest pictures that show nothing that must be saved to turn unevenly."""
+_ASIDE = 0.1
+"""Worth of a picture to the side of the path, or backwards, to a robot that watches [of one along it]."""
 Angle = TypeVar("Angle", float, np.ndarray)
 
 
@@ -54,11 +56,14 @@ class YawObjective:
     remainder: Float[np.ndarray, " h"] | None = None
     """Share of the variance that a picture from the goal leaves, at headings even from 0 to a whole turn; None: what a
     robot sees while it hovers there does not count."""
+    looks_ahead: bool = False
+    """Whether pictures count by how far they are turned to where the robot moves: it watches for movers there."""
 
     def profile_along(self, path: RigidState) -> VisibilityProfile:
         """Measure visibility along a path, even in time, batch shape (n,), with the robot's tilt there."""
         position, up = (_evenly(part, _PLACES) for part in (path.position, path.rotation[..., 2]))
-        return VisibilityProfile.along(self.matter, position, up, self.enough, self.mount)
+        profile = VisibilityProfile.along(self.matter, position, up, self.enough, self.mount)
+        return VisibilityProfile(profile.seen * _ahead(position)) if self.looks_ahead else profile
 
     def end_cost(self, yaws: Float[np.ndarray, " n"], given: float) -> Float[np.ndarray, " n"]:
         """Return the cost of headings at the goal [rad] [variance that a picture's time adds]: the turn from the
@@ -166,6 +171,15 @@ def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) ->
 def _smooth(yaws: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Average each with the one before: rotors do not turn a robot at once."""
     return np.concatenate([yaws[:1], 0.5 * (yaws[1:] + yaws[:-1])])
+
+
+def _ahead(path: Float[Tensor, "n 3"]) -> Float[np.ndarray, "n h"]:
+    """Weigh the headings of a profile from places of a path by how far they are from where it leads: 1 near that, the
+    least from a right angle on."""
+    moves = np.gradient(path.double().numpy(), axis=0)
+    headings = math.tau / VIEW_HEADINGS * np.arange(VIEW_HEADINGS)
+    away = np.abs(wrap_yaw(headings - np.arctan2(moves[:, 1:2], moves[:, :1])))
+    return np.interp(away, (math.pi / 8, math.pi / 2), (1.0, _ASIDE))
 
 
 def _evenly(rows: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "k 3"]:

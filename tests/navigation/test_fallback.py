@@ -1,5 +1,6 @@
 """Fallback trajectories beside plans, flown where the plans are no longer safe."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import pytest
@@ -71,9 +72,9 @@ def test_a_fallback_that_a_mover_runs_over_is_not_safe_and_one_that_gives_way_is
     plan = planned(start, PlanOutcome.IN_COLLISION)
     unaware, aware = (SafetyFilter(Wall(door=1.9), ROBOT, movers=known) for known in (None, movers))
     stays = unaware.make_fallback(plan, 0.1, 0.2)
-    assert stays.safe and aware.touches_movers(stays.motion, 0.2) and not aware.touches_movers(stays.motion, 9.0)
+    assert stays.safe and aware.touched_s(stays.motion, 0.2) < math.inf == aware.touched_s(stays.motion, 9.0)
     gives_way = aware.make_fallback(plan, 0.1, 0.2)
-    assert gives_way.safe and not aware.touches_movers(gives_way.motion, 0.2)
+    assert gives_way.safe and aware.touched_s(gives_way.motion, 0.2) == math.inf
     assert gives_way.motion.states.position[-1, 1] != stays.motion.states.position[-1, 1] or (
         gives_way.motion.states.position[-1, 2] > stays.motion.states.position[-1, 2] + 0.05
     )

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 import torch
 
@@ -17,6 +18,8 @@ from nerfnav.navigation.flight import FlightContext, NavigateConfig, NavigationS
 from nerfnav.navigation.looking import command_yaw_rate, find_turn, give_way, hold, side_of
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.supervisor import SupervisorAction, SupervisorConfig, SupervisorMemory
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner import Movers
 from nerfnav.planner.active_yaw import wrap_yaw
 from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import NoiseModel, RigidState, StateNoise, load
@@ -97,6 +100,18 @@ def test_a_robot_that_sees_too_little_gives_way_to_a_wall_beside_it(x: float) ->
     velocity = give_way(belief, context)
     assert velocity is not None and velocity.norm() == pytest.approx(FallbackConfig.speed)
     assert velocity[0] * x > 0 and velocity[0].abs() > 2 * velocity[1:].norm(), "away from the wall"
+
+
+def test_a_robot_that_sees_too_little_gives_way_to_a_mover() -> None:
+    belief, context = beside_wall(-0.55)
+    calm = replace(SafetyFilter(Wall(door=0.0), ROBOT), noise=NoiseModel(CALM))
+    comes = Obstacle("box", BoxShape((0.1, 0.1, 0.1)), (-0.55, -0.6, 0.5), motion=ConstantVelocity((0.0, 0.5, 0.0)))
+    movers = Movers((comes,))
+    among = replace(context, stack=replace(context.stack, safety_filter=replace(calm, movers=movers)))
+    velocity = give_way(belief, among)
+    assert velocity is not None and give_way(belief, among, time=3.0) is None, "it has passed by then"
+    places = belief.mean.position.double() + velocity.double() * torch.arange(1, 11)[:, None] * 0.1
+    assert (movers.boxes(0.1 * np.arange(1, 11), ROBOT.body).gaps(places.numpy()) > 0).all()
 
 
 def test_a_robot_that_sees_too_little_rests_where_nothing_is_near_or_known_and_on_the_ground() -> None:

@@ -27,7 +27,7 @@ obstacles:
   - {name: post, cylinder: {radius: 0.1, height: 2}, motion: {walk: {lower: [0, 0, 0], upper: [1, 1, 0], speed: 0.4}}}
   - {name: wall, prism: {polygon: [[0, 0], [2, 0], [2, 0.1]], heights: [0, 1.5]}}
   - {name: chair, mesh: chair.stl, motion: {trefoil: {scale: [3, 3, 3], slower: 5}}}
-  - {name: cart, box: [1, 1, 1], motion: {way_points: {points: [[0, 0, 0], [2, 0, 0]], speed: 0.5, closed: true}}}
+  - {name: cart, box: [1, 1, 1], motion: {way_points: {points: [[0, 0, 0], [2, 0, 0]], speed: 1}}, seen: on}
 """
 
 
@@ -41,7 +41,8 @@ def test_yaml_and_json_are_read_alike(tmp_path: Path) -> None:
     for time in (0.0, 7.5):
         first, second = (read_obstacles(tmp_path / name) for name in ("a.yaml", "a.json"))
         np.testing.assert_array_equal(first.signed_distance(points, time), second.signed_distance(points, time))
-    crate, ball, post, wall, chair, _ = first.obstacles
+    crate, ball, post, wall, chair, cart = first.obstacles
+    assert first.standing == (crate, wall) and first.announced == (ball, post, chair) and first.moving[-1] is cart
     assert crate.name == "crate" and crate.position == (1, 0, 0.4) and crate.color == (0.8, 0.3, 0.1)
     assert ball.name == "obstacle 2" and ball.motion.speed_bound == pytest.approx(0.2)
     assert isinstance(post.shape, Cylinder) and isinstance(wall.shape, Prism) and isinstance(chair.shape, MeshShape)
@@ -58,8 +59,8 @@ def test_what_is_written_is_read_again(name: str, tmp_path: Path) -> None:
     assert [path.name for path in write_obstacles(given, kept / name)] == [name, "kept-5.ply"]
     again, points = read_obstacles(kept / name), np.random.default_rng(0).uniform(-3, 3, (50, 3))
     for first, second in zip(given.obstacles, again.obstacles, strict=True):
-        assert (first.name, first.position, first.rotation, first.color, first.motion) == (
-            second.name, second.position, second.rotation, second.color, second.motion,
+        assert (first.name, first.position, first.rotation, first.color, first.motion, first.seen) == (
+            second.name, second.position, second.rotation, second.color, second.motion, second.seen,
         )  # fmt: skip
         for time in (0.0, 7.5):
             far = 1e-6 if isinstance(first.shape, MeshShape) else 0.0  # corners are stored in single precision
@@ -117,6 +118,7 @@ WRONG = {
     "obstacles: [{sphere: 1, color: [200, 0, 0]}]": r"obstacles\[0\].color\[0\] is 200, a number at most 1",
     "obstacles: [{sphere: 1, name: a}, {sphere: 1, name: a}]": "two obstacles are named 'a'",
     "obstacles: [" + "{sphere: 1}, " * 10_000 + "]": "obstacles has 10000 entries",
+    "obstacles: [{cut_out: {sphere: 1}, seen: true}]": r"obstacles\[0\] is a cut_out that is seen alone",
     "obstacles: [{cut_out: {sphere: 1}, motion: {velocity: [1, 0, 0]}}]": r"obstacles\[0\] is a cut_out that moves",
     "obstacles: 3": "obstacles is 3, a list is needed",
     "": "holds no names with values",

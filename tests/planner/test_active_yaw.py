@@ -73,6 +73,21 @@ def test_it_turns_where_it_sees_more_on_the_way_not_only_at_the_end() -> None:
     assert arriving(-0.3, 0.0, field=corner) < -1, "past the wall in the south, not past the void in the north"
 
 
+def test_a_robot_that_watches_looks_where_it_flies() -> None:
+    around = field_of(
+        _PLACE, ((-1.0, -1.0, -1.0), (-0.6, 1.0, 1.0)), ((0.6, -1.0, -1.0), (1.0, 1.0, 1.0)), spacing=0.05
+    )
+    north = field_of(_PLACE, ((-1.0, -1.0, -1.0), (-0.6, 1.0, 1.0)), ((-1.0, 0.9, -1.0), (1.0, 1.0, 1.0)), spacing=0.05)
+    path = RigidState.stack([RigidState.at_rest((0.0, y, 0.0)) for y in (-0.8, 0.0, 0.8)])
+    for field in (around, north):
+        usual, watching = (
+            YawObjective(field, 0.1, looks_ahead=ahead).profile_along(path).seen for ahead in (False, True)
+        )
+        ahead, back = VIEW_HEADINGS // 4, 3 * VIEW_HEADINGS // 4
+        assert np.allclose(watching[:, ahead], usual[:, ahead]) and np.allclose(watching[:, back], 0.1 * usual[:, back])
+        assert (watching <= usual + 1e-9).all()
+
+
 def test_of_the_headings_in_which_something_is_seen_it_takes_one_with_which_it_may_be_there() -> None:
     way = torch.tensor([[0.0, -0.8, 0.0], [0.0, 0.8, 0.0]])
     ends = RigidState.at_rest((0.0, -0.8, 0.0), 0.0), RigidState.at_rest((0.0, 0.8, 0.0), 0.0)

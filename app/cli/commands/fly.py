@@ -38,6 +38,8 @@ class Arguments(Route):
     quadrotors alone; there --duration auto gives a flight time for wind."""
     realtime: bool = False
     """Let the world go on while filter and planner compute: steps longer than dt are late, and counted."""
+    watch: bool = False
+    """Look for what the map does not show; keep clear."""
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
     out: Path | None = None
@@ -67,8 +69,9 @@ def make_request(arguments: Any, place: Place) -> FlyRequest:
     config = replace(config, fly_on=arguments.fly_on or config.fly_on)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
+    watches = arguments.watch or (place.obstacles is not None and place.obstacles.has_seen)
     return FlyRequest(
-        arguments.request(place, asked.plan, asked.replan, config, arguments.world),
+        replace(arguments.request(place, asked.plan, asked.replan, config, arguments.world), watch=watches),
         estimator=arguments.estimator,
         open_loop=arguments.open_loop,
         seed=arguments.seed,

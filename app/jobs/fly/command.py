@@ -52,6 +52,7 @@ def command_of(request: FlyRequest, place: Place, steps: int | None, dt: float) 
     words += ["--open-loop"] if request.open_loop or route.flight.open_loop else []
     words += _option("--world", route.world, PlanRequest.world)
     words += ["--realtime"] if request.realtime else []
+    words += ["--watch"] if route.watch else []
     words += _option("--seed", request.seed, default.seed)
     return shlex.join([*words, *_words_of_settings(route)])
 

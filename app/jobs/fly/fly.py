@@ -31,6 +31,14 @@ def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
     return episode.metrics() | ({} if place.truth else {"mesh_collision_steps": None}) | placed
 
 
+def _describe_sightings(flown: list[NavigationStep]) -> dict[str, Any]:
+    """Describe what a robot that watches has seen beside the map: in how many time steps, and when first."""
+    if flown[-1].seen is None:
+        return {}
+    times = [step.time for step in flown if step.seen is not None and step.seen.movers is not None]
+    return {"seen_steps": len(times), "first_seen_s": times[0] if times else None}
+
+
 def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     """Write a flight's files into `folder`."""
     table = episode_table(episode, place.robot.action_names, place.robot.name)
@@ -102,7 +110,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             if stop and flown:
                 break
     episode = Episode.of(flown)
-    summary = summary_of(episode, place) | describe_move(given, ends)
+    summary = summary_of(episode, place) | describe_move(given, ends) | _describe_sightings(flown)
     return JobResult(summary, () if out is None else save(out, episode, place))
 
 

@@ -15,6 +15,7 @@ from nerfnav.navigation import (
     NavigationStack,
     OperatorRequests,
     Simulator,
+    Watch,
     compensate_latency,
     navigate,
     world_generator,
@@ -71,6 +72,7 @@ def _make_stack(request: FlyRequest, config: NavigateConfig, place: Place) -> Na
         place.field,
         map_error_of(place),
         hidden_by_movers(place),
+        Watch.of(place.field, robot) if request.route.watch else None,
     )
 
 

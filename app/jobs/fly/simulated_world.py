@@ -70,12 +70,12 @@ def camera_of_movers(place: Place) -> CameraAtTime | None:
 
 
 def hidden_by_movers(place: Place) -> HiddenFunction | None:
-    """Make the mask of the pixels in which obstacles that move stand before the field; None where none does."""
-    if place.obstacles is None or not place.obstacles.moving:
+    """Make the mask of the pixels in which announced movers stand before the field; None where none does."""
+    if place.obstacles is None or not place.obstacles.announced:
         return None
     from nerfnav.obstacles import Overlay  # slow to import, as above
 
-    return partial(Overlay(place.obstacles.moving).covered, place.robot.camera)
+    return partial(Overlay(place.obstacles.announced).covered, place.robot.camera)
 
 
 def warm_up_renderer() -> None:

@@ -81,6 +81,8 @@ class PlanRequest:
     """Largest share of the plan with too little to see that is accepted, 0 to 1; None accepts any."""
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """State of space that no camera saw into, for planners."""
+    watch: bool = False
+    """Whether the robot looks for movers in its pictures: its headings are along the way then."""
     draft: bool = False
     """Whether to plan as quickly as possible, without the verdict and the numbers of the job."""
     warm_start: Motion | None = None
@@ -173,7 +175,7 @@ def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
     field = prepare_route(place, request.unknown, request.height).field
     flight, robot = request.flight, planning_robot(place.robot, request.world)
     probability = collision_probability(
-        field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m, movers=place.movers
+        field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m, movers=place.announced_movers
     )
     return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
 
@@ -221,7 +223,7 @@ def make_planner(
     return build_safe_planner(
         planners.load(request.planner), planning.field, occupancy or _map_for(request, place),
         planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.replan_settings,
-        movers=place.movers,
+        movers=place.announced_movers,
     )  # fmt: skip
 
 
@@ -245,11 +247,11 @@ def _plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     planning, robot = prepare_route(place, request.unknown, request.height), planning_robot(place.robot, request.world)
     route = Route(request.ends.start.state(), request.ends.goal.state(), request.steps, request.dt)
     objective = make_yaw_objective(
-        place.field, planning.field, robot, place.robot.mount, request.navigate_config.in_sight
+        place.field, planning.field, robot, place.robot.mount, request.navigate_config.in_sight, request.watch
     )
     problem = PlanProblem(
         planning.field, robot, route.start, route.goal, route.steps, route.dt,
-        noise=NoiseModel(request.flight.noise), movers=place.movers,
+        noise=NoiseModel(request.flight.noise), movers=place.announced_movers,
     )  # fmt: skip
     settings = request.flight_settings
     longest_dt = request.dt if request.keep_dt else None

@@ -37,7 +37,7 @@ def summary_of(
 ) -> dict[str, Any]:
     """Numbers of `plan --json`."""
     motion = planned.motion
-    safety = assess_safety(place.field, motion, place.robot.body, movers=place.movers)
+    safety = assess_safety(place.field, motion, place.robot.body, movers=place.announced_movers)
     placed = {} if place.obstacles is None else {"obstacles": len(place.obstacles.obstacles)}
     return placed | {
         "outcome": planned.outcome.name.lower(),

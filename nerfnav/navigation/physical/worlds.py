@@ -73,10 +73,16 @@ def compensate_latency(
     """Add latency compensation to the estimator in the physical world; return the stack unchanged in the paper's.
 
     With a `last` stack, whose field has changed in flight, the compensation goes on with its inertial belief.
-    Raises InvalidInputError for an estimator whose beliefs inertial measurements cannot propagate.
+    Raises InvalidInputError for an estimator whose beliefs inertial measurements cannot propagate, and for a robot that
+    watches.
     """
     if not isinstance(simulator, PhysicalSimulator):
         return stack
+    if stack.watch is not None:
+        raise InvalidInputError(
+            "pictures of the physical world come late, and a robot that watches compares them with where it is: take "
+            "--world paper, or leave --watch and obstacles that are seen out"
+        )
     if not isinstance(stack.estimator, Corrector):
         raise InvalidInputError(
             f"{type(stack.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), "

@@ -54,6 +54,10 @@ class Movers:
         """Speed that none of them exceeds [m/s]."""
         return max(obstacle.motion.speed_bound for obstacle in self.obstacles)
 
+    def beside(self, others: "Movers | None") -> "Movers":
+        """Return these and others."""
+        return self if others is None else Movers((*self.obstacles, *others.obstacles))
+
     @cached_property
     def _spans(self) -> Float[np.ndarray, "m 2 3"]:
         return np.array([obstacle.span(obstacle.attitude.T) for obstacle in self.obstacles])

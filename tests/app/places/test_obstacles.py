@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.planner import PlanOutcome
-from nerfnav_app.cli.main import main
+from nerfnav_app.cli.commands.fly import make_request
+from nerfnav_app.cli.main import main, parse
 from nerfnav_app.jobs.fly.command import command_of
 from nerfnav_app.jobs.fly.request import FlyRequest
+from nerfnav_app.jobs.fly.setup import begin
+from nerfnav_app.jobs.fly.simulated_world import camera_of_movers, hidden_by_movers
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.obstacles import open_with_obstacles, require_clear_ends, require_standing
@@ -77,6 +81,37 @@ def test_obstacles_that_move_stay_beside_the_field_and_may_stand_on_the_goal(tmp
     both = open_with_obstacles(place, obstacles_in(tmp_path, mover + stands))
     assert both.field is not place.field and both.movers is not None and len(both.movers.obstacles) == 1
     require_standing(obstacles_in(tmp_path, stands[2:]))
+
+
+def test_a_robot_is_not_told_of_obstacles_that_are_seen(tmp_path: Path) -> None:
+    place = balls_place()
+    ball = "sphere: 0.1, position: [0, 0.6, 0.4]"
+    path = obstacles_in(
+        tmp_path, f"{{name: a, {ball}, seen: true}}, {{name: b, {ball}, motion: {{velocity: [1, 0, 0]}}}}"
+    )
+    placed = open_with_obstacles(place, path)
+    assert placed.field is place.field and placed.movers is not None and placed.announced_movers is not None
+    assert [len(each.obstacles) for each in (placed.movers, placed.announced_movers)] == [2, 1]
+    alone = open_with_obstacles(place, obstacles_in(tmp_path, f"{{name: a, {ball}, seen: true}}"))
+    assert alone.announced_movers is None and hidden_by_movers(alone) is None and camera_of_movers(alone) is not None
+    with pytest.raises(
+        InvalidInputError, match="yaml: the obstacle 'a' is not announced, and here obstacles stand"
+    ):
+        require_standing(obstacles_in(tmp_path, f"{{name: a, {ball}, seen: true}}"))
+
+
+def test_a_flight_watches_where_it_is_asked_to_and_where_an_obstacle_is_seen(tmp_path: Path) -> None:
+    words = ["fly", "stonehenge", "--start", "-0.8", "0.6", "0.4", "--goal", "0.8", "0.6", "0.4"]
+    path = obstacles_in(tmp_path, "{name: a, sphere: 0.1, position: [0, -0.6, 0.4], seen: true}")
+    seen = open_with_obstacles(balls_place(), path)
+    for place, more, watches in ((balls_place(), [], False), (balls_place(), ["--watch"], True), (seen, [], True)):
+        request = make_request(parse([*words, *more])[1], place)
+        assert request.route.watch is watches
+        assert ("--watch" in command_of(request, place, 20, 0.1)) is watches
+    for options in ({"planner": "rrt"}, {"world": "physical"}):
+        request = FlyRequest(PlanRequest(ENDS, watch=True, steps=30, **options))
+        with pytest.raises(InvalidInputError, match="leave --watch"):
+            run_steps(begin(request, None, balls_place()))
 
 
 def test_a_flight_lets_a_mover_pass_and_is_judged_by_where_it_is(tmp_path: Path) -> None:

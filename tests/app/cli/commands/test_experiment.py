@@ -43,7 +43,7 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
         (["experiment", "all"], "name it with --out"),
         (["experiment", "all", "--trials", "-1", "--out", "all"], "nerfnav: --trials must be 1 or more, not -1"),
         (["experiment", "flights", "--seed", "-1"], "nerfnav: --seed must be from 0 to 4294967295, not -1"),
-        (["experiment", "all", "--truth", "--out", "all"], "name one to sweep, or to change flights"),
+        (["experiment", "all", "--truth", "--out", "all"], "name one to sweep, to change flights"),
         (["experiment", "planners", "--quick", "--trials", "2"], "drop it, or drop --trials"),
         (["experiment", "planners", "--sweep", "sed=1"], "--sweep has no setting 'sed', the nearest is seed"),
         (["experiment", "planners", "--sweep", "world=paper"], "takes no options of whole flights, only flights"),
