@@ -201,9 +201,10 @@ class Tracker:
         return status, fit.difference
 
     def _skip(self, now: float, picture: Tensor, difference: float | None) -> tuple[TrackStatus, float | None]:
-        """Go on for a while after a useless picture, then search."""
+        """Go on for a while after a useless picture, then search; a belief that a picture contradicted is not reported
+        meanwhile."""
         if not self._give_up_in_time():
-            return TrackStatus.PREDICTED, difference
+            return TrackStatus.LOST if self._doubted else TrackStatus.PREDICTED, difference
         return self._search(now, picture)
 
     def _check_elsewhere(
