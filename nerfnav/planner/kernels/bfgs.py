@@ -2,6 +2,10 @@
 
 The same as solvers/bfgs.py, whose notation holds here, on kernels/quadrotor.py; tests hold both equal. `parts` is
 what `evaluate` asks for: task, body, space and weights.
+
+The inverse of a symmetric matrix's absolute value is found by one-sided Jacobi rotations (Hestenes, 1958), or by
+Cholesky. Rotations V make the rows of V A orthogonal: V A = S U with S diagonal, so that |A| = (A A)^1/2 = V' S V. They
+round alike on all processors, which a library's eigenvectors do not, and take too long for large matrices.
 """
 
 import math
@@ -21,6 +25,52 @@ def rank_two(inverse, step, along, straight, mixed):
         own, other = straight * step[i] - mixed * along[i], mixed * step[i]
         for j in range(count):
             inverse[i, j] += own * step[j] - other * along[j]
+
+
+SWEEPS = 30
+EXACT = 1e-11
+"""Cosine of the angle between two rows below which they count as orthogonal."""
+
+
+@kernel()
+def inverse_of_absolute(matrix, prior):
+    """(|A| + prior I)^-1 of a symmetric matrix A (k, k), prior > 0."""
+    count = matrix.shape[0]
+    rows, turns = matrix.copy(), np.eye(count)
+    for _ in range(SWEEPS):
+        worst = 0.0
+        for p in range(count - 1):
+            for q in range(p + 1, count):
+                first, second, both = 0.0, 0.0, 0.0
+                for i in range(count):
+                    first += rows[p, i] * rows[p, i]
+                    second += rows[q, i] * rows[q, i]
+                    both += rows[p, i] * rows[q, i]
+                size = math.sqrt(first * second)
+                if abs(both) <= EXACT * size or size < 1e-300:
+                    continue
+                worst = max(worst, abs(both) / size)
+                half = (second - first) / (2.0 * both)
+                tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + math.sqrt(1.0 + half * half))
+                cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
+                sine = cosine * tangent
+                for i in range(count):
+                    a, b = rows[p, i], rows[q, i]
+                    rows[p, i], rows[q, i] = cosine * a - sine * b, sine * a + cosine * b
+                    a, b = turns[p, i], turns[q, i]
+                    turns[p, i], turns[q, i] = cosine * a - sine * b, sine * a + cosine * b
+        if worst <= EXACT:
+            break
+    result = np.zeros((count, count))
+    for p in range(count):
+        squared = 0.0
+        for i in range(count):
+            squared += rows[p, i] * rows[p, i]
+        share = 1.0 / (math.sqrt(squared) + prior)
+        for i in range(count):
+            for j in range(count):
+                result[i, j] += share * turns[p, i] * turns[p, j]
+    return result
 
 
 @kernel()

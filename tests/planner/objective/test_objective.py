@@ -10,7 +10,7 @@ import torch
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.grid import node_positions
 from nerfnav.planner import terms
-from nerfnav.planner.kernels.bfgs import inverse_of_shifted
+from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers import bfgs
@@ -119,13 +119,24 @@ def test_what_kernels_do_not_know_is_evaluated_term_by_term():
     assert Objective(context, ROUTE, terms.list_terms()[:-1]).fused is None
 
 
-def test_a_matrix_with_a_strongly_negative_eigenvalue_is_inverted_by_its_absolute_value():
-    vectors, scales = np.linalg.qr(np.random.default_rng(0).standard_normal((12, 12)))[0], np.linspace(0.5, 2.0, 12)
-    values = np.linspace(-100.0, 300.0, 12)
+@pytest.mark.parametrize("count", [1, 5, 40])
+def test_the_inverse_of_the_absolute_value_is_that_by_eigenvectors(count: int):
+    draws = np.random.default_rng(count).standard_normal((count, count))
+    matrix = (draws + draws.T) * np.logspace(0, 3, count)[:, None] * np.logspace(0, 3, count)
+    values, vectors = np.linalg.eigh(matrix)
+    expected = vectors / (np.abs(values) + 1.0) @ vectors.T
+    np.testing.assert_allclose(inverse_of_absolute(matrix, 1.0), expected, atol=1e-8 * np.abs(expected).max())
+    np.testing.assert_allclose(inverse_of_absolute(np.zeros((count, count)), 2.0), 0.5 * np.eye(count))
+
+
+@pytest.mark.parametrize("count", [12, 150])
+def test_a_curvature_with_a_strongly_negative_eigenvalue_is_inverted_by_its_absolute_value(count: int):
+    draws, scales = np.random.default_rng(0).standard_normal((count, count)), np.linspace(0.5, 2.0, count)
+    vectors, values = np.linalg.qr(draws)[0], np.linspace(-100.0, 300.0, count)
     curvature = vectors * values @ vectors.T / np.outer(scales, scales)
-    inverse = bfgs.preconditioner(lambda free, steps: curvature, np.zeros(12), scales, 1.0)
+    inverse = bfgs.preconditioner(lambda free, steps: curvature, np.zeros(count), scales, 1.0)
     absolute = vectors * (np.abs(values) + 1.0) @ vectors.T / np.outer(scales, scales)
-    np.testing.assert_allclose(inverse @ absolute, np.eye(12), atol=1e-10)
+    np.testing.assert_allclose(inverse @ absolute, np.eye(count), atol=1e-9)
 
 
 def test_a_matrix_without_strongly_negative_eigenvalues_is_shifted_and_inverted():
