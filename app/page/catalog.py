@@ -21,6 +21,7 @@ from nerfnav_app.page.layers.notices import NoticesLayer
 from nerfnav_app.page.layers.obstacles import ObstaclesLayer
 from nerfnav_app.page.layers.overlays import OverlaysLayer
 from nerfnav_app.page.layers.plan import PlanLayer
+from nerfnav_app.page.layers.sightings import SightingsLayer
 from nerfnav_app.page.layers.splats import SplatsLayer
 from nerfnav_app.page.layers.track import TrackLayer
 from nerfnav_app.page.layers.viewpoint import ViewpointLayer
@@ -44,6 +45,7 @@ def layers(page: Page) -> tuple[Panel, ...]:
         EndsLayer(server, page.post),
         ObstaclesLayer(server, page.post),
         MoversLayer(server),
+        SightingsLayer(server),
         PlanLayer(server),
         FlightLayer(server),
         CameraModesLayer(server),

@@ -86,6 +86,11 @@ class Place:
 
         return Movers(self.obstacles.announced)
 
+    @property
+    def has_seen(self) -> bool:
+        """Check for an obstacle that is not announced, for which a robot has to look."""
+        return self.obstacles is not None and self.obstacles.has_seen
+
     def without_obstacles(self) -> "Place":
         """The same place as it is without the obstacles."""
         if self.bare is None or self.bare.robot is self.robot:  # the same object, by which its maps are known

@@ -41,13 +41,12 @@ class SessionPlan:
 
 def plan_request(record: PlanRecord, resources: Resources) -> plan.PlanRequest:
     """Request the plan of a record: the first plan of a flight by the same settings."""
-    placed = resources.place.obstacles
     settings, planner, own = record.settings, record.planner, resources.plan_configs.get(record.planner)
     request = plan.PlanRequest(
         record.ends, planner=planner, config=settings.config(planner, own), again=settings.flight_config(planner, own),
         shortest=settings.shortest, max_collision=settings.max_collision, unknown=settings.unknown,
         paper_cost=settings.paper_cost, flight=replace(resources.navigate, noise=record.flight.noise),
-        world=record.flight.world, watch=placed is not None and placed.has_seen,
+        world=record.flight.world, watch=resources.place.has_seen,
     )  # fmt: skip
     return request.lasting(settings.duration_s)
 

@@ -63,7 +63,7 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
         bare, problems, fitting = resources.place.without_obstacles(), dict[str, str](), []
         for placed in self.obstacles:
             try:
-                self._check(placed, bare)
+                self._check(placed, resources.place)
                 fitting.append(take_up(placed.obstacle) if placed.name == self.in_hand else placed.obstacle)
             except InvalidInputError as error:
                 problems[placed.name] = str(error)
@@ -71,10 +71,15 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
         place = place_obstacles(bare, placed, resources.place) if fitting else bare
         return ObstaclesPlaced(place, problems)
 
-    def _check(self, placed: PlacedObstacle, bare: Place) -> None:
+    def _check(self, placed: PlacedObstacle, place: Place) -> None:
         if not placed.moves:
-            require_placeable(bare.field, placed.obstacle)
-        robot, at = bare.robot, self.robot_at
+            require_placeable(place.without_obstacles().field, placed.obstacle)
+        robot, at = place.robot, self.robot_at
+        if at is not None and placed.entry.seen and not place.has_seen:
+            raise InvalidInputError(
+                f"the obstacle {placed.name!r} is not announced, and this robot does not look for such: place it "
+                "before take-off, or announce it"
+            )
         if at is not None and find_touched([placed.obstacle], robot, at, self.time) is not None:
             raise InvalidInputError(f"the obstacle {placed.name!r} is where the robot flies: move it away")
 

@@ -69,7 +69,7 @@ def make_request(arguments: Any, place: Place) -> FlyRequest:
     config = replace(config, fly_on=arguments.fly_on or config.fly_on)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
-    watches = arguments.watch or (place.obstacles is not None and place.obstacles.has_seen)
+    watches = arguments.watch or place.has_seen
     return FlyRequest(
         replace(arguments.request(place, asked.plan, asked.replan, config, arguments.world), watch=watches),
         estimator=arguments.estimator,

@@ -205,3 +205,15 @@ def test_a_draft_gives_way_to_an_obstacle_in_a_hand_and_in_the_map(opened: Sessi
         assert answer.steps, answer.refusal
         found = answer.steps[-1].motion
         assert Movers((box.obstacle,)).least_gaps(found.states, found.dt, PLACE.robot.body, 0.0).min() > 0
+
+
+def test_an_obstacle_that_is_not_announced_is_in_no_map_and_only_for_a_robot_that_looks_for_it(opened: Session) -> None:
+    unseen = BOX.changed(seen=True)
+    session = answered(replace(opened, place=PLACE, obstacles=(unseen,)))
+    assert session.place is not None and session.place.field is PLACE.field
+    assert session.place.movers is not None and session.place.announced_movers is None
+    assert plan_request(session.new_plan(session.ends), Resources(session.place)).watch
+    flown = RigidState.at_rest((0.0, -0.6, 0.4))
+    dropped = PlacedObstaclesQuery((unseen,), robot_at=flown).answer(Resources(PLACE))
+    assert "is not announced, and this robot does not look for such" in dropped.problems["box 1"]
+    assert not PlacedObstaclesQuery((unseen,), robot_at=flown).answer(Resources(session.place)).problems

@@ -71,6 +71,9 @@ class ObstaclesPanel:
             self._still = gui.add_button(
                 "Remove path", color="gray", icon=_ICON.ROUTE_OFF, visible=False, hint="It stands from now on"
             )
+            self._announced = gui.add_checkbox(
+                "Announced", True, visible=False, hint="Off: the robot does not know of it, and has to see it"
+            )
             self._hidden = gui.add_checkbox("Hide it", False, visible=False, hint="It stays in the list")
             self._separate = gui.add_button(
                 "Separate", icon=_ICON.SCISSORS, visible=False,
@@ -96,6 +99,7 @@ class ObstaclesPanel:
         post_on(self._mode.on_click, post, lambda: ChooseMode(GizmoMode(self._mode.value)))
         post_on(self._name.on_update, post, self._rename)
         post_on(self._hidden.on_update, post, self._hide)
+        post_on(self._announced.on_update, post, self._announce)
         post_on(self._draw.on_click, post, self._aim)
         post_on(self._speed.on_update, post, self._pace)
         post_on(self._closed.on_update, post, self._pace)
@@ -123,6 +127,10 @@ class ObstaclesPanel:
         placed = self._chosen
         return None if placed is None else ChangeObstacle(placed.name, replace(placed, hidden=bool(self._hidden.value)))
 
+    def _announce(self) -> ChangeObstacle | None:
+        placed = self._chosen
+        return None if placed is None else ChangeObstacle(placed.name, placed.changed(seen=not self._announced.value))
+
     def _aim(self) -> AimEnd:
         return AimEnd(PathPoint.NEXT if self._draw.label == _DRAW else None)
 
@@ -146,6 +154,7 @@ class ObstaclesPanel:
         self._separate.visible = placed is not None and placed.selects
         for widget in (self._name, self._mode, self._hidden, self._copy, self._delete):
             widget.visible = placed is not None
+        self._announced.visible = placed is not None and not placed.selects and placed.cut_out is None
         self._show_motion(session, placed)
         if self._list.options != names:
             self._list.options = names
@@ -153,6 +162,7 @@ class ObstaclesPanel:
         self._status.content = describe(session)
         if placed is not None:
             self._name.value, self._hidden.value = placed.name, placed.hidden
+            self._announced.value = not placed.entry.seen
 
     def _show_motion(self, session: Session, placed: PlacedObstacle | None) -> None:
         """Show what can be done with the motion of the chosen obstacle, and play or stop all."""

@@ -8,11 +8,17 @@ import pytest
 import viser
 import viser.transforms as tf
 
+from nerfnav.navigation.seen_movers import SeenMovers
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner import Movers
 from nerfnav_app.page.layers.movers import PATHS, MoversLayer
 from nerfnav_app.page.layers.obstacles import HANDLES, ObstaclesLayer, follow_handles
+from nerfnav_app.page.layers.sightings import NODE, SightingsLayer
+from nerfnav_app.places.ends import default_ends
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.obstacles import GizmoMode, ObstacleKind, PlacedObstacle, new_obstacle
 from nerfnav_app.state.session import Session
-from tests.app.doubles import balls_place
+from tests.app.doubles import balls_place, flight_step
 
 BOX = new_obstacle(ObstacleKind.BOX, "box 1", 0.2, (0.1, 0.2, 0.3)).changed(rotation=(0.0, 0.0, 0.5))
 
@@ -80,3 +86,21 @@ def test_the_line_of_a_motion_without_way_points_ends_with_the_place(server: vis
     paths: Any = server.scene._handle_from_node_name[PATHS]
     line = paths.points
     assert line[0, 0] == pytest.approx(BOX.entry.position) and 0.9 < line[..., 0].max() <= 1.0
+
+
+def test_what_a_robot_suspects_is_drawn_where_it_is_by_now(server: viser.ViserServer) -> None:
+    ends, layer = default_ends(balls_place(), None) or Session("balls").ends, SightingsLayer(server)
+    comes = Obstacle("seen 1", BoxShape((0.1, 0.2, 0.3)), (0.0, 0.0, 0.2), motion=ConstantVelocity((1.0, 0.0, 0.0)))
+
+    class Suspicion(SeenMovers):
+        movers = Movers((comes,))
+
+    steps = (flight_step(ends, 0), replace(flight_step(ends, 1), seen=Suspicion()), flight_step(ends, 2))
+    node: Any = server.scene._handle_from_node_name[NODE]
+    for count, visible in ((1, False), (2, True), (3, False)):
+        session = Session("balls", place=balls_place(), ends=ends, flight=FlightRecord(ends, steps[:count]))
+        layer.show(session)
+        assert node.visible is visible
+        if visible:
+            np.testing.assert_allclose(node.batched_positions, [(0.1, 0.0, 0.2)], atol=1e-6)
+            np.testing.assert_allclose(node.batched_scales, [(0.1, 0.2, 0.3)], atol=1e-6)
