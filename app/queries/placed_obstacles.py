@@ -55,8 +55,9 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
         place, wanted = session.place, session.visible_obstacles
         if place is not None and (wanted or place.obstacles is not None):
             flown = session.flight.steps[-1:] if session.flight is not None and session.in_flight else ()
-            in_hand = session.in_hand if planners.load(session.choice.planner).avoids_movers else None
-            yield cls(wanted, in_hand, flown[0].truth if flown else None, flown[0].time if flown else 0.0)
+            counts = session.held and planners.load(session.choice.planner).avoids_movers
+            at, time = (flown[0].truth, flown[0].time) if flown else (None, 0.0)
+            yield cls(wanted, session.in_hand if counts else None, at, time)
 
     def answer(self, resources: Resources) -> ObstaclesPlaced:
         """Place all that can be placed: a field on a grid holds those inside it, but for the one in a hand."""

@@ -98,9 +98,7 @@ def begin_job(
         return replace(fresh, comparison=(), highlighted=None)
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE, JobKind.TRACK):
         return fresh
-    fresh = replace(
-        fresh, flight=None, track=None, unconfirmed=None, held=False, in_hand=None, comparison=(), search=None
-    )
+    fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=session.new_plan(session.ends))
     flight = FlightRecord(

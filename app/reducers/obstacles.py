@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.obstacles import MOST
@@ -32,7 +33,7 @@ def command_obstacles(session: Session, command: o.ObstacleAction) -> Session:
             return replace(session, obstacles=tuple(each for each in session.obstacles if each.name != name))
     placed = session.obstacle_named(command.name)
     if placed is None:
-        return replace(session, held=False, in_hand=None)
+        return replace(session, held=False)
     if isinstance(command, o.ChangeObstacle):
         return _change(session, placed, command)
     if isinstance(command, o.ChangePace):
@@ -59,8 +60,7 @@ def add_obstacle(session: Session, placed: o.PlacedObstacle) -> Session:
 def add_way_point(session: Session, place: Place, placed: o.PlacedObstacle, point: Vector) -> Session:
     """Add a way point [m] to the path of an obstacle; add a notice where it lies outside the place, or is
     where the obstacle stands."""
-    lower, upper = place.field.box.lower.tolist(), place.field.box.upper.tolist()
-    if not all(low <= value <= high for low, value, high in zip(lower, point, upper, strict=True)):
+    if not place.field.box.contains(torch.tensor(point)):
         at = ", ".join(f"{axis} {value:.2f}" for axis, value in zip("xyz", point, strict=True))
         text = f"The way point at {at} m lies outside the place: click inside it."
         return add_notice(session, "No way point", text, bad=True)
@@ -100,12 +100,10 @@ def _change(session: Session, placed: o.PlacedObstacle, command: o.ChangeObstacl
     if taken or not name:
         wrong = f"another obstacle is named {name!r}: give each a name of its own" if taken else "a name has letters"
         return add_notice(session, "Not renamed", sentence(wrong), bad=True)
-    try:
-        changed = changed if name == changed.name else changed.changed(name=name)
-        assert changed.obstacle
-    except InvalidInputError as error:
-        return add_notice(replace(session, held=False, in_hand=None), "Not changed", sentence(str(error)), bad=True)
-    known = tuple(changed if each is placed else each for each in session.obstacles)
+    done = _set(
+        replace(session, held=False), placed, lambda: changed if name == changed.name else changed.changed(name=name)
+    )
+    if done.obstacles is session.obstacles:  # it was refused
+        return done
     chosen = name if session.chosen == placed.name else session.chosen
-    in_hand = name if command.held else None
-    return replace(session, obstacles=known, chosen=chosen, held=command.held, in_hand=in_hand)
+    return replace(done, chosen=chosen, held=command.held, in_hand=name)

@@ -52,7 +52,7 @@ def reset_settings(session: Session, place: Place) -> Session:
     ends = session.first_ends or default_ends(place, None) or session.ends
     return replace(
         jobs.discard_results(session), task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False,
-        in_hand=None, aiming=None, clicked=None, obstacles=(), motion_time=None, choice=Choice(session.choice.robot),
+        aiming=None, clicked=None, obstacles=(), motion_time=None, choice=Choice(session.choice.robot),
         flight_settings=FlightSettings(),
         plan_settings=choose_settings(PlanSettings(), place, ends, session.home),
         view_settings=ViewSettings().for_place(splats=place.splats is not None),

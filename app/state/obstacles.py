@@ -254,7 +254,7 @@ class ObstacleState:
     gizmo_mode: GizmoMode = GizmoMode.MOVE
     """Effect of its handles."""
     in_hand: str | None = None
-    """Name of the obstacle that the user drags."""
+    """Name of the obstacle that the user drags, while anything is held."""
     motion_time: float | None = None
     """Time at which obstacles are shown while their motions are played [s]; None while they are not."""
 

@@ -326,4 +326,4 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
         kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}
         let_go = replace(self.alignment, held=False)
         # its hand may have held something, and the motions may have been played for it alone
-        return replace(self, eyes=eyes, results=kept, held=False, in_hand=None, alignment=let_go, motion_time=None)
+        return replace(self, eyes=eyes, results=kept, held=False, alignment=let_go, motion_time=None)

@@ -134,7 +134,7 @@ class NavigationStep:
     consistency: Consistency | None = None
     """Consistency monitor of the filter; None in open loop, at index 0, and of filters whose noise is not scaled."""
     seen: SeenMovers | None = None
-    """What pictures show and the field does not; None where the robot does not watch."""
+    """Things that pictures show and the field does not; None where the robot does not watch."""
 
     @property
     def filter_belief(self) -> Belief:

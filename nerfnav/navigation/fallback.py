@@ -81,7 +81,7 @@ class FallbackTrajectory:
     touched_s: float = math.inf
     """Time until it touches a mover [s]; infinity where it does not."""
     hits: bool = False
-    """Whether a collision with what stands is as likely as not."""
+    """True: a collision with what stands is as likely as not."""
 
 
 @dataclass(frozen=True)

@@ -91,9 +91,9 @@ class SeenMover:
     """One thing that pictures show and the field does not."""
 
     regions: tuple[Region, ...]
-    """What pictures show of it, the latest last."""
+    """Regions of pictures that show it, the latest last."""
     chain: Chain
-    """Where it may be."""
+    """Its possible tracks."""
 
     def is_sure(self, config: SeenConfig) -> bool:
         """Check whether it counts: it is large, or was seen twice."""

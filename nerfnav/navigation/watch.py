@@ -76,7 +76,7 @@ class Region:
     height: float
     """Size along."""
     is_cut: bool
-    """Whether the picture's border may cut both of its sizes."""
+    """True: the picture's border may cut both of its sizes."""
     depth: float
     """Distance of what it hides [m]."""
     resolution: float
@@ -270,7 +270,7 @@ class Watch:
     noise_std: float = 0.05
     """Standard deviation of the field's colours [1 = full scale]."""
     masks: bool = True
-    """Whether the filter leaves out the pixels of regions."""
+    """True: the filter leaves out the pixels of regions."""
     config: WatchConfig = dataclasses.field(default_factory=WatchConfig)
     """Options."""
 

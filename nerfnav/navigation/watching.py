@@ -20,7 +20,7 @@ _LEAST = 1.5
 
 @dataclass(frozen=True)
 class Foresight:
-    """What is known of a picture before the filter's correction."""
+    """Knowledge of a picture before the filter's correction."""
 
     announced: Bool[Tensor, "height width"] | None
     """Pixels that announced movers cover; None: none does."""

@@ -50,7 +50,7 @@ class Obstacle:
     color: Vector = (0.85, 0.45, 0.1)
     """sRGB, 0 to 1."""
     seen: bool = False
-    """Whether it is not announced to robots, which may see it."""
+    """True: it is not announced to robots, which may see it."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a pose that is not finite, and a colour outside 0 to 1."""

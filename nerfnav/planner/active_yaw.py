@@ -57,7 +57,7 @@ class YawObjective:
     """Share of the variance that a picture from the goal leaves, at headings even from 0 to a whole turn; None: what a
     robot sees while it hovers there does not count."""
     looks_ahead: bool = False
-    """Whether pictures count by how far they are turned to where the robot moves: it watches for movers there."""
+    """True: pictures count by how far they are turned to where the robot moves, as it watches for movers there."""
 
     def profile_along(self, path: RigidState) -> VisibilityProfile:
         """Measure visibility along a path, even in time, batch shape (n,), with the robot's tilt there."""

@@ -72,7 +72,7 @@ def _make_stack(request: FlyRequest, config: NavigateConfig, place: Place) -> Na
         place.field,
         map_error_of(place),
         hidden_by_movers(place),
-        Watch.of(place.field, robot) if request.route.watch or place.has_seen else None,
+        Watch.of(place.field, robot) if request.route.watch else None,
     )
 
 

@@ -82,7 +82,7 @@ class PlanRequest:
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """State of space that no camera saw into, for planners."""
     watch: bool = False
-    """Whether the robot looks for movers in its pictures: its headings are along the way then."""
+    """True: the robot looks for movers in its pictures, with its headings along the way."""
     draft: bool = False
     """Whether to plan as quickly as possible, without the verdict and the numbers of the job."""
     warm_start: Motion | None = None

@@ -198,7 +198,7 @@ def test_a_draft_gives_way_to_an_obstacle_in_a_hand_and_in_the_map(opened: Sessi
     touched = Movers((box.obstacle,)).least_gaps(first.states, first.dt, PLACE.robot.body, 0.0).min()
     assert touched < 0
     for held in (True, False):
-        placed = answered(replace(session, obstacles=(box,), in_hand="box 1" if held else None)).place
+        placed = answered(replace(session, obstacles=(box,), in_hand="box 1", held=held)).place
         assert placed is not None and (placed.movers is not None) == held
         record = replace(session.new_plan(session.ends), draft=True)
         answer = FollowingPlanQuery(record, session.choice.robot, last=first).answer(Resources(placed))
