@@ -9,7 +9,7 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.field import render_image
+from nerfnav.field import FieldInfo, render_image
 from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.navigation.flight import NavigationStack
 from nerfnav.navigation.seen_movers import SeenMovers
@@ -106,3 +106,13 @@ def test_a_robot_that_watches_has_a_planner_that_knows_movers() -> None:
     among = stack.among(seen).planner
     assert isinstance(among, FastPlanner) and among.movers is not None and seen.movers is not None
     assert len(among.movers.obstacles) == len(seen.movers.obstacles) + 1, "announced ones stay"
+
+
+@pytest.mark.parametrize(("noise_std", "known"), [(None, 0.05), (0.044, 0.044), (0.088, None)])
+def test_a_robot_watches_in_no_field_whose_colours_are_far_off(noise_std: float | None, known: float | None) -> None:
+    field = replace(column().field, info=FieldInfo(noise_std=noise_std))
+    if known is not None:
+        assert Watch.of(field, ROBOT).noise_std == known
+        return
+    with pytest.raises(InvalidInputError, match=r"off by 0.088, and a robot that watches .* train it longer"):
+        Watch.of(field, ROBOT)
