@@ -1,6 +1,7 @@
 """Error of the map: measure the position error of the filter in flight beyond what each picture alone explains."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -24,11 +25,20 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
 
     Raises InvalidInputError where too few of their pictures show enough.
     """
-    found = [*_found(arena, flights)]
+    found = [*_found(_assume_floor(arena), flights)]
     if len(found) < _FEWEST:
         raise InvalidInputError(f"{len(found)} pictures of {flights} flights give a position: {_FEWEST} are needed")
     errors, covariances = (np.stack(part) for part in zip(*found, strict=True))
     return fit_position_bias(errors, covariances)
+
+
+def _assume_floor(arena: Arena) -> Arena:
+    """Return the arena with a floor noted in its field: without one, its pictures would count less as well."""
+    info = arena.field.info
+    if info.position_floor_m is not None:
+        return arena
+    usual = FilterConfig().floor_at(arena.field.resolution).position_m
+    return replace(arena, field=replace(arena.field, info=replace(info, position_floor_m=usual)))
 
 
 def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
