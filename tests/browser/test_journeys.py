@@ -146,7 +146,7 @@ def test_what_was_flown_is_exported_to_every_vehicle_and_a_refusal_offers_the_pl
     for name in ("px4", "ardupilot", "crazyflie"):
         tab.choose("export.format", name)
         tab.until_shown()
-        assert tab.handle("export.subject").value == "Plan"
+        tab.until(lambda: tab.handle("export.subject").value == "Plan", "a vehicle is not offered the plan")
         made = download_of(tab, "export.download")
         assert made.suggested_filename == f"stonehenge-plan-{name}.csv" and Path(made.path()).stat().st_size > 1000
     tab.choose("export.subject", "Executed path")
