@@ -25,20 +25,21 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
 
     Raises InvalidInputError where too few of their pictures show enough.
     """
-    found = [*_found(_assume_floor(arena), flights)]
+    found = [*_found(_count_pictures_in_full(arena), flights)]
     if len(found) < _FEWEST:
         raise InvalidInputError(f"{len(found)} pictures of {flights} flights give a position: {_FEWEST} are needed")
     errors, covariances = (np.stack(part) for part in zip(*found, strict=True))
     return fit_position_bias(errors, covariances)
 
 
-def _assume_floor(arena: Arena) -> Arena:
-    """Return the arena with a floor noted in its field: without one, its pictures would count less as well."""
+def _count_pictures_in_full(arena: Arena) -> Arena:
+    """Return the arena with pictures that count in full where the field was never calibrated: covariances widened by
+    `FastConfig.uncalibrated` would explain the map error too.
+    """
     info = arena.field.info
-    if info.position_floor_m is not None:
+    if info.information_ratio is not None:
         return arena
-    usual = FilterConfig().floor_at(arena.field.resolution).position_m
-    return replace(arena, field=replace(arena.field, info=replace(info, position_floor_m=usual)))
+    return replace(arena, field=replace(arena.field, info=replace(info, information_ratio=1.0)))
 
 
 def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
