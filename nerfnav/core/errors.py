@@ -4,11 +4,20 @@ Outcomes that a correct call may have (no path, diverged, hit) are enum members 
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+
+_LONG_WORD = re.compile(r"(\S{100})\S{300,}(\S{100})")
 
 
 class NerfnavError(Exception):
     """Base of all errors that nerfnav raises on purpose; the message is meant for the user as it stands."""
+
+    def __str__(self) -> str:
+        return _LONG_WORD.sub(r"\1…\2", super().__str__())  # names and numbers in damaged files have any length
 
 
 class InvalidInputError(NerfnavError):
@@ -73,6 +82,20 @@ class MissingExtraError(NerfnavError):
     def __init__(self, user: str, package: str, extra: str) -> None:
         """Say that `user` needs `package`, and which extra of nerfnav brings it."""
         super().__init__(f"{user} needs {package}, which is not installed here: pip install 'nerfnav[{extra}]'")
+
+
+@contextmanager
+def naming_input(source: str | PathLike[str]) -> Iterator[None]:
+    """Put the name of an input file or folder before the message of an error within that does not name it.
+
+    Errors that name an option, InvalidNumberError, stay as they are.
+    """
+    try:
+        yield
+    except InvalidInputError as error:
+        if not isinstance(error, InvalidNumberError) and Path(source).name not in str(error):
+            error.args = (f"{source}: {error}",)
+        raise
 
 
 def require_positive(**numbers: float | None) -> None:

@@ -20,6 +20,7 @@ where it may be faster. `write_obstacles` writes files that are JSON and YAML at
 """
 
 import json
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -284,7 +285,7 @@ def _shape_of(entry: ObstacleEntry, folder: Path) -> Shape:
     if entry.prism is not None:
         return Prism(tuple(entry.prism.polygon), entry.prism.heights)
     file = folder / str(entry.mesh)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise InvalidInputError(f"there is no mesh {file}")
     mesh = read_mesh(file)
     mesh.merge_vertices()  # corners of an STL belong to one face each

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from nerfnav.core.deadline import Deadline
-from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError, naming_input
 from nerfnav.core.steps import map_steps
 from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, TrainConfig, TrainStep, VoxelField, train_neural
 from nerfnav.field.models.neural import blank_field
@@ -158,7 +158,8 @@ def _learn(request: TrainRequest, material: TrainingData, budget: Deadline, made
     generator = torch.Generator().manual_seed(request.seed)
     if request.neural is None:
         config = replace(config_for(request, material), field_every=request.save_every)
-        require_map_memory(material.box, config.voxel)
+        with naming_input(request.source):
+            require_map_memory(material.box, config.voxel)
         learning = learn_voxels(material, config, generator, budget)
         trained = yield from _keeping(learning, request, material, out)
     else:

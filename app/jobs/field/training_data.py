@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 import nerfnav_scenes as scenes
-from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError, naming_input
 from nerfnav.formats import KeyReport
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
@@ -105,11 +105,13 @@ KINDS = {
 def gather(request: TrainRequest) -> Gathering:
     """The material of a source.
 
-    Raises UnknownNameError, InvalidInputError or WrongKindError where no field can be trained from it.
+    Raises UnknownNameError, InvalidInputError, which names the source, or WrongKindError where no field can be trained
+    from it.
     """
     kind = source_kind(request.source, scenes.names())
     if kind in KINDS:
-        return importlib.import_module(f"nerfnav_app.jobs.field.{KINDS[kind]}").gather(request)
+        with naming_input(request.source):
+            return (yield from importlib.import_module(f"nerfnav_app.jobs.field.{KINDS[kind]}").gather(request))
     if kind is not SourceKind.MISSING:
         raise wrong_kind_error(request.source, kind, "a scene, a mesh, a capture or a video")
     if Path(request.source).suffix or len(Path(request.source).parts) > 1:

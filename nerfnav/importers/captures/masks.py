@@ -5,6 +5,7 @@ the photographs, called NAME.png or NAME.jpg.png (nerfstudio, COLMAP): there, pi
 dynamic_mask_NAME.png beside the photograph (instant-ngp): there, pixels that are not 0 do not count.
 """
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,8 +38,8 @@ class _MaskFinder:
         self._folders: dict[Path, list[NamedFiles]] = {}
 
     def find(self, view: View) -> MaskFile | None:
-        dynamic = view.path.with_name(_DYNAMIC.format(view.path.stem))
-        if dynamic.is_file():
+        dynamic = view.path.parent / _DYNAMIC.format(view.path.stem)
+        if os.path.isfile(dynamic):
             return MaskFile(dynamic, inverted=True)
         for base in view.path.parents[:_UP]:
             inside = view.path.relative_to(base)
@@ -46,7 +47,7 @@ class _MaskFinder:
             for masks in self._masks_in(base):
                 for name in (str(name) for inside in names for name in (inside, inside.with_suffix(""))):
                     path = masks.find(name)
-                    if path.is_file() and path != view.path:
+                    if os.path.isfile(path) and path != view.path:
                         return MaskFile(path)
         return None
 
@@ -66,7 +67,7 @@ def read_mask(view: View, width: int, height: int) -> np.ndarray | None:
     path = view.mask.path
     try:
         # unchanged: levels are those of the file
-        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if os.path.isfile(path) else None
     except cv2.error:
         pixels = None
     if pixels is None:

@@ -1,6 +1,7 @@
 """Masks of photographs: pixels that do not count are left out, however the masks lie beside the photographs."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,3 +127,13 @@ def test_a_mask_that_is_named_must_be_there_and_inside(tmp_path: Path) -> None:
         imported(folder)
     with pytest.raises(CaptureError, match="outside of its own folder"):
         imported(folder, within=folder)
+
+
+@pytest.mark.parametrize("name", ["/", "9" * 3000, ".."])
+def test_a_name_that_no_file_can_have_is_a_missing_photograph(tmp_path: Path, name: str) -> None:
+    def rename(said: dict[str, Any]) -> None:
+        said["frames"][1]["file_path"] = name
+
+    whole = imported(write_transforms(tmp_path / "whole"))
+    damaged = imported(changed(write_transforms(tmp_path / "scan"), rename))
+    assert damaged.report.images_skipped == whole.report.images_skipped + 1
