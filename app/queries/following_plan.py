@@ -93,13 +93,15 @@ class FollowingPlanQuery(Query[SessionPlan]):
         return make_plan(replace(request, draft=self.record.draft, warm_start=self.last), resources.place)
 
     def apply(self, session: Session, result: SessionPlan) -> Session:
-        """Show the plan, unless a job has begun since or another robot was taken.
+        """Show the plan, unless another one is shown, a job has begun since or another robot was taken.
 
         The ends may have moved on meanwhile: a plan for earlier ones is newer than the one that is shown.
         """
         plan = session.plan
         if plan is None or session.jobs_begun != self.jobs_begun or session.choice.robot != self.robot:
             return session
+        if (None if plan.latest is None else plan.latest.motion) is not self.last:
+            return session  # undo or redo has brought another plan back
         if not result.steps:
             return replace(session, plan=replace(plan, refusal=result.refusal))
         record = replace(self.record, summary=result.summary)

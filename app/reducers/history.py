@@ -4,11 +4,9 @@ from collections.abc import Hashable
 from dataclasses import replace
 
 from nerfnav_app.places.ends import EndRole
-from nerfnav_app.reducers import jobs
 from nerfnav_app.reducers.common import move_end
 from nerfnav_app.reducers.place import make_choice
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.obstacles import ChangeObstacle, ObstacleAction
 from nerfnav_app.state.plan import AllowTime, RestoreWeights
 from nerfnav_app.state.session import Moment, Session
@@ -24,33 +22,33 @@ def record_step(before: Session, after: Session, action: m.Action) -> Session:
     opened = isinstance(action, m.QueryAnswered) and after.runs.opened is not before.runs.opened
     if after.place is None or before.place is None or not (landed or opened or isinstance(action, _STEPS)):
         return after
-    then, history = before.moment, after.history
-    if after.moment != then:
-        history = history.stepped(then, _step_key(action, before.held))
-    if isinstance(action, m.Reset) and before.plan is not None:
-        history = replace(history, planned=then)
+    history = after.history
+    if after.moment != before.moment:
+        history = history.stepped(before.history_step, _step_key(action, before.held))
     if isinstance(action, m.MoveEnd | ChangeObstacle) and not action.held:
         history = replace(history, last=None)  # the user has let go: the next move is another step
     return after if history == after.history else replace(after, history=history)
 
 
 def travel_history(session: Session, action: m.Undo | m.Redo) -> Session:
-    """Undo the last step, or redo the last undo; plans and flights stay.
+    """Undo the last step, or redo the last undo, with the plan of that time; flights stay.
 
-    Undo of a reset that discarded a plan makes it again.
+    A plan that was not up to date then is made again by `nerfnav_app.queries.following_plan`.
     """
     past, future = session.history.past, session.history.future
     if not (past if isinstance(action, m.Undo) else future):
         return session
-    now = session.moment
+    now = session.history_step
     if isinstance(action, m.Undo):
         aim, history = past[-1], replace(session.history, past=past[:-1], future=(*future, now), last=None)
     else:
         aim, history = future[-1], replace(session.history, past=(*past, now), future=future[:-1], last=None)
-    there = replace(restore_moment(session, aim), history=history)
-    if isinstance(action, m.Undo) and aim == history.planned and there.plan is None and there.may_begin:
-        return jobs.begin_job(there, JobKind.PLAN)
-    return there
+    there = replace(restore_moment(session, aim.moment), history=history)
+    only_view = replace(aim.moment, view_settings=now.moment.view_settings) == now.moment
+    plan = aim.plan
+    if plan is None or only_view or not there.may_begin or plan.field_made_by not in ("", there.field_made_by):
+        return there
+    return replace(there, plan=plan)
 
 
 def restore_moment(session: Session, aim: Moment) -> Session:

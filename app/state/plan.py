@@ -288,6 +288,12 @@ class PlanRecord:
         return tuple(self.recorded[index].motion for index in range(max(0, count - self.TRAIL), count))
 
     @property
+    def without_replay(self) -> "PlanRecord":
+        """The finished plan in little memory: of each initial guess, the last iteration alone is kept."""
+        last = tuple({step.start_index: step for step in self.recorded}.values())
+        return replace(self, recorded=last, trail=(), replayed=None)
+
+    @property
     def others(self) -> tuple[Motion, ...]:
         """Final trajectories of the other initial guesses, if there were several; the best one is the plan."""
         best = None if self.latest is None else self.latest.start_index

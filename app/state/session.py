@@ -49,21 +49,29 @@ class Moment:
 
 
 @dataclass(frozen=True)
-class History:
-    """Moments to go back to and forward to, the nearest last."""
+class HistoryStep:
+    """A moment to return to, with its plan."""
 
-    past: tuple[Moment, ...] = ()
-    future: tuple[Moment, ...] = ()
+    moment: Moment
+    """Settings of that time."""
+    plan: PlanRecord | None = None
+    """Plan of that time; None without one, and while one was computed."""
+
+
+@dataclass(frozen=True)
+class History:
+    """Steps to go back to and forward to, the nearest last."""
+
+    past: tuple[HistoryStep, ...] = ()
+    future: tuple[HistoryStep, ...] = ()
     last: Hashable = None
     """What the last step has changed: a hand that moves on makes no further step."""
-    planned: Moment | None = None
-    """The moment before the last reset, where that discarded a plan: back there, it is planned again."""
 
-    def stepped(self, before: Moment, what: Hashable) -> "History":
-        """Add a step: `what` has changed since the moment `before`."""
+    def stepped(self, before: HistoryStep, what: Hashable) -> "History":
+        """Add a step: `what` has changed since `before`."""
         if what is not None and what == self.last and self.past:
             return replace(self, future=())
-        return History((*self.past, before)[-MOST_UNDO_STEPS:], (), what, self.planned)
+        return History((*self.past, before)[-MOST_UNDO_STEPS:], (), what)
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,12 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
     def moment(self) -> Moment:
         """The settings of now."""
         return Moment(**{part.name: getattr(self, part.name) for part in fields(Moment)})
+
+    @property
+    def history_step(self) -> HistoryStep:
+        """The settings of now and the plan, unless one is being computed."""
+        finished = self.plan is not None and (self.job is None or self.job.kind is not JobKind.PLAN)
+        return HistoryStep(self.moment, self.plan.without_replay if finished and self.plan is not None else None)
 
     @property
     def asked(self) -> Hashable:

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from nerfnav.field import UnknownSpace
+from nerfnav.robots import Motion
 from nerfnav_app.page.panels.status.status import status
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.actions import Redo, Undo
 from nerfnav_app.state.alignment import Ray
-from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan import AllowTime
 from nerfnav_app.state.session import MOST_UNDO_STEPS, Session
 from tests.app.sessions import after
@@ -70,27 +70,56 @@ def test_a_click_that_puts_an_end_down_is_undone(opened: Session) -> None:
     assert after(landed, Undo()).ends == opened.ends
 
 
-def test_undo_makes_the_plan_stale_and_reset_and_more_time_are_undone_too(opened: Session) -> None:
-    slow = after(well_planned(opened), AllowTime(9.0))
+def test_undo_and_redo_bring_the_plan_of_that_time_back(opened: Session) -> None:
+    first = well_planned(opened)
+    second = well_planned(dragged(first, THERE))
+    back = after(second, Undo())
+    assert motion_of(back) is motion_of(first) and not back.plan_is_stale
+    assert motion_of(after(back, Redo())) is motion_of(second)
+    slow = after(first, AllowTime(9.0))
     assert slow.plan_settings.duration_s == 9.0
-    assert after(slow, Undo()).plan_settings == opened.plan_settings
-    moved = well_planned(dragged(opened, THERE))
-    assert after(moved, Undo()).plan_is_stale
-    reset = after(moved, m.Reset())
-    assert reset.ends == opened.ends
-    assert after(reset, Undo()).ends == moved.ends
+    assert after(replace(slow, job=None), Undo()).plan_settings == opened.plan_settings
 
 
-def test_undo_after_a_reset_brings_seed_and_speed_back_and_plans_again(opened: Session) -> None:
+def test_undo_of_a_change_to_the_view_keeps_the_plan(opened: Session) -> None:
+    changed = well_planned(after(well_planned(opened), m.Adjust(m.Settings.VIEW, "clearance", True)))
+    assert motion_of(after(changed, Undo())) is motion_of(changed)
+
+
+def test_a_plan_that_was_not_finished_or_is_of_another_field_is_not_brought_back(opened: Session) -> None:
+    planning = after(opened, m.StartPlan())
+    moved = well_planned(replace(dragged(planning, THERE), job=None))
+    assert moved.history.past[-1].plan is None and after(moved, Undo()).plan_is_stale
+    drafted = well_planned(opened)
+    assert drafted.plan is not None
+    drafted = replace(drafted, plan=replace(drafted.plan, field_made_by="a draft"))
+    later = well_planned(dragged(drafted, THERE))
+    assert motion_of(after(later, Undo())) is motion_of(later), "the plan in a draft is back"
+
+
+def test_undo_during_a_flight_leaves_its_plan(opened: Session) -> None:
+    moved = well_planned(dragged(well_planned(opened), THERE))
+    flying = after(moved, m.StartFlight())
+    assert flying.in_flight and motion_of(after(flying, Undo())) is motion_of(moved)
+
+
+def test_undo_after_a_reset_brings_seed_speed_and_plan_back(opened: Session) -> None:
     changes = (m.Adjust(m.Settings.FLIGHT, "seed", 7), m.Adjust(m.Settings.FLIGHT, "pace", 0.5))
     wanted = well_planned(after(dragged(opened, THERE), *changes))
     reset = after(wanted, m.Reset())
     assert reset.plan is None and reset.flight_settings.seed == 0 and reset.flight_settings.pace != 0.5
+    assert reset.ends == opened.ends
     back = after(reset, Undo())
     assert (back.ends, back.flight_settings) == (wanted.ends, wanted.flight_settings)
-    assert back.job is not None and back.job.kind is JobKind.PLAN
+    assert motion_of(back) is motion_of(wanted) and back.fresh_plan is not None and back.job is None
     unplanned = after(dragged(opened, THERE), m.Reset(), Undo())
-    assert unplanned.job is None, "there was no plan to bring back"
+    assert unplanned.plan is None, "there was no plan to bring back"
+
+
+def motion_of(session: Session) -> Motion:
+    """The trajectory of a session's plan."""
+    assert session.plan is not None and session.plan.latest is not None
+    return session.plan.latest.motion
 
 
 def test_another_robot_is_undone_with_its_ends(opened: Session) -> None:

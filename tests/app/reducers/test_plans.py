@@ -121,6 +121,19 @@ def test_another_setting_is_planned_for_and_nothing_else_is_flown_meanwhile(open
     assert choose_next_step(session)[0] == m.StartPlan()
 
 
+def test_a_plan_that_was_asked_for_before_undo_does_not_replace_the_one_that_undo_brings_back(opened: Session) -> None:
+    first = well_planned(opened)
+    moved = after(first, THERE)
+    asked = asked_of(moved)
+    drawn = after(moved, m.QueryAnswered(asked, SessionPlan((plan_step(asked.record.ends, 0, PlanOutcome.CONVERGED),))))
+    moved_on = after(drawn, FARTHER)
+    late = asked_of(moved_on)
+    answer = SessionPlan((plan_step(late.record.ends, 0, PlanOutcome.CONVERGED),))
+    back = after(moved_on, m.Undo(), m.Undo(), m.QueryAnswered(late, answer))
+    assert back.plan is not None and back.plan.latest is not None and first.plan is not None
+    assert first.plan.latest is back.plan.latest and not back.plan_is_stale
+
+
 def test_a_slow_planner_does_not_follow_but_says_that_its_plan_is_missing(opened: Session) -> None:
     session = after(well_planned(opened), m.Choose(replace(opened.choice, planner="paper")))
     assert FollowingPlanQuery not in kinds(pending_queries(session))
