@@ -160,7 +160,7 @@ def test_errors_in_an_archive_name_its_files_and_not_where_they_were_unpacked(tm
     with pytest.raises(CaptureError, match="fl_x is 0, a number above 0 is needed"):
         list(run(request(zipped(folder), tmp_path / "f.npz")))
     (folder / "transforms.json").write_text("nothing")
-    with pytest.raises(CaptureError, match=r"^transforms\.json is not readable as JSON"):
+    with pytest.raises(CaptureError, match=r"room\.zip: transforms\.json is not readable as JSON"):
         list(run(request(zipped(folder), tmp_path / "f.npz")))
 
 
