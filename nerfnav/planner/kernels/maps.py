@@ -230,6 +230,7 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
     """
     counts, side = node_counts(values, lower), 1 << BLOCK_SHIFT
     distances = np.full(points.shape[0], np.inf)
+    looked = np.zeros(occupied.shape, np.int8)  # 1: the block has dense nodes, -1: it has none
     least = reach
     for n in range(points.shape[0]):
         best = min(reach, least + slack)
@@ -243,7 +244,16 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
         for x in range(i0, i1):
             for y in range(j0, j1):
                 for z in range(k0, k1):
-                    if not occupied[x, y, z]:
+                    if not occupied[x, y, z] or looked[x, y, z] < 0:
+                        continue
+                    if looked[x, y, z] == 0:
+                        looked[x, y, z] = 1 if _has_dense(values, occupied, counts, threshold, x, y, z) else -1
+                        if looked[x, y, z] < 0:
+                            continue
+                    u = _off_block(x, points[n, 0] - lower[0], per_meter[0])
+                    v = _off_block(y, points[n, 1] - lower[1], per_meter[1])
+                    w = _off_block(z, points[n, 2] - lower[2], per_meter[2])
+                    if u * u + v * v + w * w > best * best:
                         continue
                     for i in range(x * side, min(x * side + side + 1, counts[0])):
                         u = i / per_meter[0] + lower[0] - points[n, 0]
@@ -266,6 +276,27 @@ def nearest_dense(values, occupied, lower, per_meter, threshold, points, reach, 
                                     nodes[n, 2] = points[n, 2] + w
         least = min(least, distances[n])
     return distances
+
+
+@kernel()
+def _has_dense(values, occupied, counts, threshold, x, y, z):
+    """Return True if a node of a block, those at its border among them, is dense."""
+    side = 1 << BLOCK_SHIFT
+    part, a, b, c = part_of(values, occupied, x * side, y * side, z * side)
+    for i in range(min(side + 1, counts[0] - x * side)):
+        for j in range(min(side + 1, counts[1] - y * side)):
+            for k in range(min(side + 1, counts[2] - z * side)):
+                if part[a + i, b + j, c + k, 0] > threshold:
+                    return True
+    return False
+
+
+@kernel()
+def _off_block(index, offset, per_meter):
+    """Return the distance of a point from a block along an axis, a little less [m]; 0 inside."""
+    side = 1 << BLOCK_SHIFT
+    first, last = index * side / per_meter, (index + 1) * side / per_meter
+    return max(0.0, first - offset - 1e-9, offset - last - 1e-9)
 
 
 @kernel()
