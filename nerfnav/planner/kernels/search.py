@@ -192,21 +192,33 @@ def _before(move, node, ny, nz, layer, around):
 
 
 @kernel()
-def costs_to(prices, goal):
-    """Compute the cost from each voxel of the coarse map (cx, cy, cz), in fine voxels, to the one of the goal (4).
+def costs_to(prices, goal, least):
+    """Compute the cost from each voxel of the coarse map (cx, cy, cz), in fine voxels, to the one of the goal (4);
+    infinite where the goal cannot be reached (Dijkstra, 1959).
 
-    A coarse voxel costs as little as the cheapest of its fine ones with any heading, so that the true cost is never
-    overestimated by much; infinite where the goal cannot be reached (Dijkstra, 1959).
+    With `least`, a coarse voxel costs as little as the cheapest of its fine ones with any heading, so that the true
+    cost is never overestimated by much. Else it costs the mean of those that are free: nearer to the true cost where
+    prices differ within few voxels, as around a path whose prices were raised.
     """
     m, nx, ny, nz = prices.shape
     sx, sy, sz = (nx + CLUSTER - 1) // CLUSTER, (ny + CLUSTER - 1) // CLUSTER, (nz + CLUSTER - 1) // CLUSTER
-    least = np.full((sx, sy, sz), np.inf)
+    price, free = np.full((sx, sy, sz), np.inf if least else 0.0), np.zeros((sx, sy, sz), np.int32)
     for h in range(m):
         for i in range(nx):
             for j in range(ny):
                 for k in range(nz):
                     a, b, c = i // CLUSTER, j // CLUSTER, k // CLUSTER
-                    least[a, b, c] = min(least[a, b, c], prices[h, i, j, k])
+                    fine = prices[h, i, j, k]
+                    if least:
+                        price[a, b, c] = min(price[a, b, c], fine)
+                    elif fine < np.inf:
+                        price[a, b, c] += fine
+                        free[a, b, c] += 1
+    if not least:
+        for a in range(sx):
+            for b in range(sy):
+                for c in range(sz):
+                    price[a, b, c] = price[a, b, c] / free[a, b, c] if free[a, b, c] > 0 else np.inf
     left = np.full((sx, sy, sz), np.inf)
     lengths = np.sqrt(np.arange(4.0)) * CLUSTER
     x, y, z = goal[1] // CLUSTER, goal[2] // CLUSTER, goal[3] // CLUSTER
@@ -225,7 +237,7 @@ def costs_to(prices, goal):
             for b in range(max(j - 1, 0), min(j + 2, sy)):
                 for c in range(max(k - 1, 0), min(k + 2, sz)):
                     length = lengths[(a - i) ** 2 + (b - j) ** 2 + (c - k) ** 2]
-                    total = spent + 0.5 * length * (least[i, j, k] + least[a, b, c])
+                    total = spent + 0.5 * length * (price[i, j, k] + price[a, b, c])
                     if total < left[a, b, c]:
                         left[a, b, c] = total
                         push(queue, size, total, (a * sy + b) * sz + c)

@@ -103,12 +103,12 @@ def _searched(
     turn = occupancy.scales.turn * torch.pi / len(prices) / spacing
     berth = occupancy.scales.berth if config.berth is None else config.berth
     guided = prices.size > _LARGE or config.danger > 0
-    guide = search.costs_to(prices, ends[1]) if guided else np.zeros((0, 0, 0))
+    guide = search.costs_to(prices, ends[1], True) if guided else np.zeros((0, 0, 0))
     greeds = (_NEARLY if guided else 1.0, config.greed if config.danger == 0 else _GREEDIER * config.greed)
     found = []
     for index in range(config.ways):
         if found and prices.size > _LARGE:
-            guide = search.costs_to(prices, ends[1])  # prices rose: an old one leads back to the paths before
+            guide = search.costs_to(prices, ends[1], False)  # prices rose: an old one leads back to the paths before
         nodes = cheapest_path(prices, ends, turn, greeds[min(index, 1)], guide)
         if len(nodes) == 0:
             break

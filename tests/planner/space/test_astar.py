@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.planner.kernels.search import CLUSTER, costs_to
+from nerfnav.planner.kernels.search import CLUSTER, costs_to, raise_prices
+from nerfnav.planner.kernels.search import cheapest_path as kernel_path
 from nerfnav.planner.space import astar
 from nerfnav.planner.space.astar import (
     SearchConfig,
@@ -178,7 +179,7 @@ def test_a_coarse_map_guides_to_the_cheapest_way(seed: int):
     ends = np.array([0, 1, 1, 1]), np.array([0, 40, 29, 16])
     straight, guided = (
         cost_of(cheapest_path(prices, ends, 0.0, 1.0, guide)[:, 1:], prices[0])
-        for guide in (UNGUIDED, costs_to(prices, ends[1]))
+        for guide in (UNGUIDED, costs_to(prices, ends[1], True))
     )
     assert guided == pytest.approx(straight, rel=1e-3)
 
@@ -186,8 +187,8 @@ def test_a_coarse_map_guides_to_the_cheapest_way(seed: int):
 def test_on_a_large_map_the_guide_of_a_later_way_knows_the_prices_around_earlier_ones(monkeypatch: pytest.MonkeyPatch):
     guides = []
 
-    def noted(prices: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        guides.append(costs_to(prices, goal))
+    def noted(prices: np.ndarray, goal: np.ndarray, least: bool) -> np.ndarray:
+        guides.append(costs_to(prices, goal, least))
         return guides[-1]
 
     monkeypatch.setattr(astar, "_LARGE", 1000)
@@ -198,6 +199,29 @@ def test_on_a_large_map_the_guide_of_a_later_way_knows_the_prices_around_earlier
     at = tuple(int(index) // CLUSTER for index in occupancy.index(start.position))
     before = [guide[at] for guide in guides]
     assert before[0] < before[1] < before[2]
+
+
+def test_later_ways_among_raised_prices_are_found_without_a_search_of_the_whole_map():
+    ends = np.array([0, 20, 40, 20]), np.array([0, 50, 40, 20])
+    looked = []
+    for least in (True, False):
+        prices, count = np.ones((1, 80, 80, 40)), 0
+        for way in range(5):
+            moves = np.zeros(prices.size, np.uint8)
+            guide = costs_to(prices, ends[1], way == 0 or least)
+            path = kernel_path(prices, guide, (np.empty(prices.size), moves), ends, 0.0, 3.0 if way else 1.1)
+            raise_prices(prices, path, 3, 3.0)
+            count += np.count_nonzero(moves)
+            assert 0 < len(path) < 60
+        looked.append(count)
+    assert looked[1] < 0.5 * looked[0]
+
+
+def test_the_mean_price_of_a_coarse_voxel_leaves_walls_out():
+    prices = np.full((1, CLUSTER, CLUSTER, 2 * CLUSTER), np.inf)
+    prices[0, 0, 0, :2], prices[0, 0, 0, CLUSTER : CLUSTER + 2] = (1, 3), (5, 7)
+    costs = costs_to(prices, np.zeros(4, int), False)
+    assert costs[0, 0].tolist() == [0, 0.5 * CLUSTER * (2 + 6)]
 
 
 def test_later_ways_keep_off_the_ones_before_them():
