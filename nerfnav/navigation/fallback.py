@@ -225,7 +225,8 @@ def build_safe_planner(
         planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms, movers=movers)
     if movers is not None and not entry.avoids_movers:
         raise InvalidInputError(
-            f"the planner {entry.name!r} knows no obstacles that move: take --planner fast, or leave their motions out"
+            f"the planner {entry.name!r} knows no obstacles that move: take the planner 'fast', or leave their motions "
+            "out"
         )
     return planner, SafetyFilter(field, robot, pushed, movers=movers) if risk else None
 

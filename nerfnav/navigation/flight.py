@@ -165,7 +165,7 @@ class NavigationStack:
         """Raise InvalidInputError for a robot that watches, and whose planner knows no movers."""
         if self.watch is not None and not getattr(self.planner, "avoids_movers", False):
             raise InvalidInputError(
-                "this planner knows no obstacles that move: take --planner fast, or leave --watch out"
+                "this planner knows no obstacles that move: take the planner 'fast', or leave --watch out"
             )
 
     def among(self, seen: SeenMovers | None) -> "NavigationStack":

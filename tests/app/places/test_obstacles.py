@@ -131,7 +131,7 @@ def test_a_flight_lets_a_mover_pass_and_is_judged_by_where_it_is(tmp_path: Path)
     plan = np.array(rows["plan"]["states"]).reshape(-1, 18)[:, :3]
     times = 0.1 * np.arange(len(plan))
     assert placed.movers.boxes(times, placed.robot.body).gaps(plan).min() > 0
-    with pytest.raises(InvalidInputError, match="the planner 'rrt' knows no obstacles that move: take --planner fast"):
+    with pytest.raises(InvalidInputError, match="'rrt' knows no obstacles that move: take the planner 'fast'"):
         result_of(job.run(FlyRequest(PlanRequest(ENDS, planner="rrt", steps=30)), placed))
 
 
