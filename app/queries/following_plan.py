@@ -14,6 +14,7 @@ from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobRun
 from nerfnav_app.jobs.plan import plan
 from nerfnav_app.places.place import Place
+from nerfnav_app.queries.placed_obstacles import PlacedObstaclesQuery
 from nerfnav_app.queries.query import PlanQuery, Query, Resources
 from nerfnav_app.state.plan import LONGEST_S, PlanRecord
 from nerfnav_app.state.session import Session
@@ -75,9 +76,12 @@ class FollowingPlanQuery(Query[SessionPlan]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["FollowingPlanQuery"]:
-        """Ask where the plan is not up to date, and the planner is quick enough; not between the clicks of a path."""
+        """Ask where the plan is not up to date, and the planner is quick enough; not between the clicks of a path, and
+        not before the obstacles of the page are placed, but in a hand."""
         plan = session.plan
         if plan is None or session.job is not None or session.flight_is_shown or session.drawing is not None:
+            return
+        if not session.held and not all(query.is_answered(session) for query in PlacedObstaclesQuery.pending(session)):
             return
         stale = session.plan_is_stale or (plan.draft and not session.held)
         if stale and planners.load(session.choice.planner).real_time:
