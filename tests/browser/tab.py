@@ -23,6 +23,23 @@ new MutationObserver(() => {
 }).observe(document, {childList: true, subtree: true});
 """
 """Hides viser's complaint about drawing without a graphics card, which would cover the scene."""
+FEW_FRAMES = """
+(() => {
+  const draw = window.requestAnimationFrame.bind(window), waiting = new Map();
+  let last = 0;
+  window.requestAnimationFrame = callback => {
+    const id = ++last;
+    const timer = setTimeout(() => { waiting.delete(id); draw(callback); }, 100);
+    waiting.set(id, timer);
+    return id;
+  };
+  window.cancelAnimationFrame = id => { clearTimeout(waiting.get(id)); waiting.delete(id); };
+  const still = document.createElement('style');
+  still.textContent = '*, *::before, *::after { animation: none !important; transition: none !important; }';
+  document.addEventListener('DOMContentLoaded', () => document.head.append(still));
+})();
+"""
+"""Draws at most ten frames a second: software would draw sixty, on the cores that the tests need."""
 KNOWS_HELP = "localStorage.setItem('nerfnav-help-seen', '1')"
 """Script of a browser that was here before: help does not come by itself, and does not cover the page."""
 
@@ -35,6 +52,7 @@ class Tab:
         page.set_default_timeout(1000 * PATIENCE_S)
         page.add_init_script(KNOWS_HELP)
         page.add_init_script(WITHOUT_COMPLAINT)
+        page.add_init_script(FEW_FRAMES)
 
     def load(self) -> None:
         """Load the page, and wait until its place can be used."""
