@@ -6,6 +6,7 @@ Also the one reader of npz files, which nerfnav writes for all that has arrays.
 
 import json
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,6 +58,10 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> int:
     return path.stat().st_size
 
 
+_LAST = sys.maxunicode
+"""Largest code point of a character."""
+
+
 class DamagedNpzError(ValueError):
     """An npz file, or an array in one, that cannot be read: the message is the end of a sentence on the file."""
 
@@ -78,6 +83,8 @@ class NpzArrays(Mapping[str, np.ndarray]):
             raise DamagedNpzError(f"its array {name!r} is damaged") from error
         if not isinstance(array, np.ndarray):
             raise DamagedNpzError(f"its entry {name!r} is no array")
+        if array.dtype.kind == "U" and np.ascontiguousarray(array).reshape(-1).view(np.uint32).max(initial=0) > _LAST:
+            raise DamagedNpzError(f"the text of its array {name!r} is damaged")
         return array
 
     def __contains__(self, name: object) -> bool:

@@ -131,6 +131,13 @@ def test_every_flipped_bit_gives_the_same_array_or_the_one_error(tmp_path: Path)
     assert refused > len(whole) // 2
 
 
+def test_text_of_no_characters_is_damage(tmp_path: Path) -> None:
+    words = np.array('{"a": "b"}')
+    words.reshape(1).view(np.uint32)[3] = 15212333
+    with open_npz(stored(tmp_path / "a.npz", header=words)) as file, pytest.raises(DamagedNpzError, match="text"):
+        file.header  # noqa: B018
+
+
 @pytest.mark.parametrize("header", [np.array("{"), np.array("[1]"), np.array(3), np.zeros((2, 2)), np.array("NaN")])
 def test_a_header_that_is_no_object_is_refused(header: np.ndarray, tmp_path: Path) -> None:
     with open_npz(stored(tmp_path / "a.npz", header=header)) as file, pytest.raises(DamagedNpzError, match="header"):

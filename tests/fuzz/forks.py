@@ -27,7 +27,7 @@ from tests.fuzz.mutations import damage
 
 _MEMORY = 3 << 30
 """Address space that a run may take beyond that of the warm process [bytes]."""
-_CPU_S, _WALL_S = 20, 120
+_CPU_S, _WALL_S = 60, 240
 """Time of one run."""
 _CRASHED = 70
 """Exit code of a run that ended in an exception."""
@@ -91,7 +91,7 @@ class Server:
         KINDS[kind].make(valid)
         words = KINDS[kind].command(valid, self._out(kind, 0))
         code = self._recorded(words)
-        what = _judge(code, self._log.read_text(errors="replace"), _names_in(valid))
+        what = _judge(code, self._log.read_text(errors="replace"), _names_in(valid, kind))
         if what is None and code == 0:
             return []
         return [Finding(kind, seed, -1, "undamaged", what or f"exit code {code}", words, self._end())]
@@ -107,7 +107,7 @@ class Server:
         file.write_bytes(damage(file.name, file.read_bytes(), chance))
         before, words = _digests(case), KINDS[kind].command(case, self._out(kind, index))
         code = self._forked(words)
-        what = _judge(code, self._log.read_text(errors="replace"), _names_in(case))
+        what = _judge(code, self._log.read_text(errors="replace"), _names_in(case, kind))
         if what is None and _digests(case) != before:
             what = "an input file changed"
         if what is None:
@@ -219,9 +219,11 @@ def _judge(code: int, said: str, names: set[str]) -> str | None:
     return None if any(name in sentence for name in names) else "a sentence that does not name the file"
 
 
-def _names_in(folder: Path) -> set[str]:
-    """Names of the files and folders of an input."""
-    return {path.name for path in folder.rglob("*")}
+def _names_in(folder: Path, kind: str) -> set[str]:
+    """Names of the files and folders of an input, and what else a sentence about its kind may name."""
+    from tests.fuzz.kinds import KINDS
+
+    return {path.name for path in folder.rglob("*")} | set(KINDS[kind].about)
 
 
 def _digests(folder: Path) -> dict[Path, bytes]:

@@ -48,6 +48,8 @@ class Kind:
     """Patterns of the files that are damaged, one of them at a time."""
     command: Callable[[Path, Path], list[str]]
     """Command line that reads it, of its folder and a folder for what is written."""
+    about: tuple[str, ...] = ()
+    """What a sentence may name in place of a file: of a whole robot that is large, the end where it does not fit."""
 
 
 def write_field(path: Path) -> None:
@@ -306,7 +308,8 @@ KINDS: dict[str, Kind] = {
     },
     **{
         f"robot-{body}": Kind(
-            partial(_robot, body=body), {"mesh": ("*.stl",), "urdf": ("*.urdf",)}.get(body, ("*.yaml",)), _plan
+            partial(_robot, body=body), {"mesh": ("*.stl",), "urdf": ("*.urdf",)}.get(body, ("*.yaml",)), _plan,
+            ("m across",),
         )
         for body in _BODIES
     },

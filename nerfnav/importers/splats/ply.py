@@ -122,16 +122,15 @@ def decode_compressed(path: Path, chunks: np.ndarray, vertices: np.ndarray) -> S
             f"{path} has {len(chunks)} chunks for {len(vertices)} splats, and {-(-len(vertices) // _CHUNK)} are needed"
         )
     needed = [f"{end}_{name}" for end in ("min", "max") for name in ("x", "y", "z", "scale_x", "scale_y", "scale_z")]
-    needed += [f"max_{name}" for name in "rgb" if f"min_{name}" in (chunks.dtype.names or ())]
-    missing = [name for name in needed if name not in (chunks.dtype.names or ())]
+    colors, known = [f"{end}_{name}" for end in ("min", "max") for name in "rgb"], set(chunks.dtype.names or ())
+    has_colors = not known.isdisjoint(colors)  # older files have none: there, colours go from 0 to 1
+    missing = [name for name in [*needed, *(colors if has_colors else [])] if name not in known]
     missing += [name for name in PACKED if vertices.dtype[name].newbyteorder("=") != np.uint32]
     if missing:
         raise InvalidInputError(f"{path} has no {', '.join(missing)}, as compressed splats have")
     chunk = np.arange(len(vertices)) // _CHUNK
 
     def between(shares: np.ndarray, *names: str) -> np.ndarray:
-        if f"min_{names[0]}" not in (chunks.dtype.names or ()):
-            return shares  # older files have colours from 0 to 1
         lower = columns_of(chunks, *(f"min_{name}" for name in names))[chunk]
         upper = columns_of(chunks, *(f"max_{name}" for name in names))[chunk]
         return lower + shares * (upper - lower)
@@ -143,7 +142,7 @@ def decode_compressed(path: Path, chunks: np.ndarray, vertices: np.ndarray) -> S
         between(_unpacked(vertices["packed_position"], *_11_10_11), "x", "y", "z"),
         np.exp(log_scales.clip(None, 30)),
         from_smallest_three(smaller, (vertices["packed_rotation"] >> 30).astype(np.int64)),
-        between(color[:, :3], "r", "g", "b"),
+        between(color[:, :3], "r", "g", "b") if has_colors else color[:, :3],
         color[:, 3],
     )
 

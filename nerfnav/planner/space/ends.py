@@ -50,7 +50,8 @@ def fits(field: Field, body: Body, state: RigidState, threshold: float | None = 
 def explain_unfit(field: Field, body: Body, state: RigidState) -> str:
     """Explain in words why a body does not fit at a state, to go on after the name of the state."""
     if is_beyond(field.box, body.points_at(state)).any():
-        return "is so near the border of the field that the robot would reach beyond it"
+        size = max(body.extents)
+        return f"is so near the border of the field that the robot, {size:.3g} m across, would reach beyond it"
     return "is in occupied space"
 
 

@@ -136,6 +136,16 @@ def _ascii(path: Path) -> None:
     path.write_text("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n")
 
 
+def _without(column: bytes) -> Callable[[Path], None]:
+    """Writes compressed splats whose header names one column of the chunks otherwise."""
+
+    def write(path: Path) -> None:
+        write_compressed(path, some_splats(30))
+        path.write_bytes(path.read_bytes().replace(b" " + column + b"\n", b" other\n", 1))
+
+    return write
+
+
 def _strange_chunks(path: Path) -> None:
     write_compressed(path, some_splats(300))
     data = path.read_bytes().replace(b"element chunk 2", b"element chunk 1", 1)
@@ -150,6 +160,7 @@ def _strange_chunks(path: Path) -> None:
         ("a.splat", _cut(write_dot_splat), "truncated"),
         ("a.ply", _cut(write_inria), "truncated"),
         ("a.ply", _cut(write_compressed), "truncated"),
+        *[("a.ply", _without(name), f"has no {name.decode()}") for name in (b"min_r", b"min_g", b"max_b", b"max_x")],
         ("a.splat", _text, "no .splat file"),
         ("a.ply", _text, "not a PLY file"),
         ("a.ply", _too_many, "declares 40 rows .* but there are 30"),

@@ -138,7 +138,7 @@ def test_an_end_at_which_the_body_would_reach_beyond_is_refused_with_the_nearest
     occupancy = OccupancyMap.of(OPEN, ROBOT.body, OccupancyConfig(voxel=0.04))
     low = RigidState.at_rest((0.0, 0.0, 0.01))
     assert not fits(OPEN, ROBOT.body, low) and fits(OPEN, ROBOT.body, RigidState.at_rest((0.0, 0.0, 0.02)))
-    with pytest.raises(OccupiedError, match="so near the border of the field that the robot would reach beyond it"):
+    with pytest.raises(OccupiedError, match=r"so near the border of the field that the robot, .* m across, would"):
         check_ends(OPEN, ROBOT.body, low, problem.goal, occupancy)
     nearest = nearest_free_pose(OPEN, ROBOT.body, low, occupancy)
     assert nearest is not None and nearest.position.tolist() == pytest.approx([0.0, 0.0, 0.04])
