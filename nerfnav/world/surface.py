@@ -4,6 +4,7 @@ With paint, each face knows its image and no images are joined: joining them int
 and costs as much memory again.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -62,20 +63,9 @@ def _textured(
 
 def bilinear(image: Shaped[np.ndarray, "h w 3"], uv: Float32[np.ndarray, "n 2"]) -> Colors:
     """Look-up in an image that repeats; v points up, rows of the image point down."""
-    height, width = image.shape[:2]
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-    along_x, along_y = ((z - floor).astype(np.float32)[:, None] for z, floor in ((x, left), (y, top)))
-    upper = _row(image, top, left, along_x)
-    lower = _row(image, top + 1, left, along_x)
-    return (1 - along_y) * upper + along_y * lower
-
-
-def _row(image: np.ndarray, row: np.ndarray, left: np.ndarray, along_x: np.ndarray) -> np.ndarray:
-    """Linear look-up within rows of an image that repeats."""
-    height, width = image.shape[:2]
-    row = row % height
-    return (1 - along_x) * image[row, left % width] + along_x * image[row, (left + 1) % width]
+    colors = np.empty((len(uv), 3), np.float32)
+    look_up(image, uv, colors)
+    return colors
 
 
 def _material(material: object) -> tuple[np.ndarray | None, np.ndarray]:
@@ -147,3 +137,22 @@ def blend(corners, faces, weights, values):
             first = weights[ray, 0] * np.float32(at[0, channel])
             second = weights[ray, 1] * np.float32(at[1, channel])
             values[ray, channel] = first + second + weights[ray, 2] * np.float32(at[2, channel])
+
+
+@kernel(exact=True)
+def look_up(image, uv, colors):
+    """Fill colors (n, 3): those of an image (h, w, 3) that repeats at texture coordinates (n, 2), linear between
+    pixels."""
+    height, width = image.shape[:2]
+    one, half = np.float32(1), np.float32(0.5)
+    for ray in range(uv.shape[0]):
+        x = uv[ray, 0] * np.float32(width) - half
+        y = (one - uv[ray, 1]) * np.float32(height) - half
+        left, top = math.floor(x), math.floor(y)
+        along_x, along_y = x - np.float32(left), y - np.float32(top)
+        above, below = image[top % height], image[(top + 1) % height]
+        first, second = left % width, (left + 1) % width
+        for channel in range(3):
+            upper = (one - along_x) * np.float32(above[first, channel]) + along_x * np.float32(above[second, channel])
+            lower = (one - along_x) * np.float32(below[first, channel]) + along_x * np.float32(below[second, channel])
+            colors[ray, channel] = (one - along_y) * upper + along_y * lower
