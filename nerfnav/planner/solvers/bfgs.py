@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted, newton_steps, rank_two
 from nerfnav.planner.objective.objective import Evaluation, FusedObjective, Objective
@@ -26,7 +27,8 @@ search is left after a multiple of it."""
 _DIFFERENCE = 1e-4
 """Step of the differences that curvature is taken from, in scales."""
 _LARGE = 128
-"""Free numbers up to which rotations take some milliseconds; with 352 they take 190 ms, and LAPACK 8."""
+"""Free numbers up to which our own kernels take some milliseconds, and round alike on all processors. With 352,
+rotations take 190 ms and LAPACK 8; Cholesky's method 10 and 4."""
 _STIFFER, _LOOSER = 10.0, 10.0
 """Factors on the prior and the tolerance of a search that starts nearly at a minimum."""
 
@@ -146,9 +148,21 @@ def preconditioner(
     """
     scaled = curvature(free, _DIFFERENCE * scales) * np.outer(scales, scales)
     symmetric, inverse = 0.5 * (scaled + scaled.T), np.empty_like(scaled)
-    if not inverse_of_shifted(symmetric, prior, inverse):
-        inverse = (inverse_of_absolute if len(free) <= _LARGE else _inverse_by_eigenvectors)(symmetric, prior)
+    if len(free) > _LARGE:
+        inverse = _invert_with_lapack(symmetric, prior)
+    elif not inverse_of_shifted(symmetric, prior, inverse):
+        inverse = inverse_of_absolute(symmetric, prior)
     return np.outer(scales, scales) * inverse
+
+
+def _invert_with_lapack(matrix: np.ndarray, prior: float) -> np.ndarray:
+    """Compute (A + prior I)^-1 of a symmetric matrix A (k, k); (|A| + prior I)^-1 with eigenvalues below -prior / 2."""
+    lapack, unit = scipy.linalg.lapack, np.eye(len(matrix))
+    if lapack.dpotrf(matrix + 0.5 * prior * unit, lower=True, overwrite_a=True)[1] == 0:
+        root, _ = lapack.dpotrf(matrix + prior * unit, lower=True, overwrite_a=True)
+        lower, _ = lapack.dpotri(root, lower=True, overwrite_c=True)
+        return np.tril(lower) + np.tril(lower, -1).T
+    return _inverse_by_eigenvectors(matrix, prior)
 
 
 def _inverse_by_eigenvectors(matrix: np.ndarray, prior: float) -> np.ndarray:

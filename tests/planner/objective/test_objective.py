@@ -139,6 +139,16 @@ def test_a_curvature_with_a_strongly_negative_eigenvalue_is_inverted_by_its_abso
     np.testing.assert_allclose(inverse @ absolute, np.eye(count), atol=1e-9)
 
 
+@pytest.mark.parametrize("count", [12, 200])
+def test_a_curvature_without_strongly_negative_eigenvalues_is_shifted_and_inverted(count: int):
+    vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((count, count)))[0]
+    matrix, scales = vectors * np.linspace(-0.4, 300.0, count) @ vectors.T, np.linspace(0.5, 2.0, count)
+    curvature = matrix / np.outer(scales, scales)
+    inverse = bfgs.preconditioner(lambda free, steps: curvature, np.zeros(count), scales, 1.0)
+    wanted = np.linalg.inv(matrix + np.eye(count)) * np.outer(scales, scales)
+    np.testing.assert_allclose(inverse, wanted, rtol=1e-8, atol=1e-10)
+
+
 def test_a_matrix_without_strongly_negative_eigenvalues_is_shifted_and_inverted():
     draws, inverse = np.random.default_rng(0).standard_normal((12, 12)), np.empty((12, 12))
     vectors = np.linalg.qr(draws)[0]
