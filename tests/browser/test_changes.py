@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 
+from nerfnav.robots import Robot
 from nerfnav_app.page.kit.theme import PLAN, linear
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.page.layers.plan import color_by_clearance
@@ -123,29 +123,30 @@ BODIES = {
 }
 
 
-@pytest.mark.parametrize("kind", BODIES)
-def test_the_real_body_is_drawn(serve: Serve, open_tab: OpenTab, tmp_path: Path, kind: str) -> None:
+def test_the_real_body_is_drawn(serve: Serve, open_tab: OpenTab, tmp_path: Path) -> None:
     import trimesh
 
     trimesh.creation.cone(0.06, 0.1).export(tmp_path / "hull.stl")
-    file = tmp_path / "own.yaml"
-    file.write_text(f"name: own\nkind: quadrotor\nmass: 0.3\nbody: {BODIES[kind]}\n")
     app = serve(ScriptedWork())
     tab = open_tab(app)
-    app.post(Choose(Choice(robot=str(file))))
-    tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "own", "it was not taken")
+    for kind, body in BODIES.items():
+        file = tmp_path / f"{kind}.yaml"
+        file.write_text(f"name: {kind}\nkind: quadrotor\nmass: 0.3\nbody: {body}\n")
+        app.post(Choose(Choice(robot=str(file))))
+        tab.until(lambda kind=kind: robot_of(app).name == kind, "it was not taken")
+        solid = robot_of(app).body.solid
+        assert solid is not None
+        corners = np.asarray(solid.vertices)
+        tab.until(lambda corners=corners: is_drawn(tab, corners), "another body is drawn")
+
+
+def robot_of(app: App) -> Robot:
+    """The robot of the open place."""
     assert app.session.place is not None
-    solid = app.session.place.robot.body.solid
-    assert solid is not None
-    count = len(solid.vertices)
+    return app.session.place.robot
 
-    def drawn() -> np.ndarray:
-        # the page holds vertices as bytes of floats
-        held = np.array(tab.property("/goal/body", "vertices"), dtype=np.float64).reshape(-1, 3)
-        return held[:count]
 
-    def is_own() -> bool:
-        held = drawn()
-        return len(held) == count and np.allclose(held, solid.vertices, atol=1e-5)
-
-    tab.until(is_own, "another body is drawn")
+def is_drawn(tab: Tab, corners: np.ndarray) -> bool:
+    """Whether the body at the goal has these corners (n, 3): the page holds them as bytes of floats."""
+    held = np.array(tab.property("/goal/body", "vertices"), dtype=np.float64).reshape(-1, 3)[: len(corners)]
+    return len(held) == len(corners) and np.allclose(held, corners, atol=1e-5)

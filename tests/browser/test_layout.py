@@ -55,29 +55,29 @@ def hidden(tab: Tab, points: np.ndarray) -> str:
     return ""
 
 
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_no_panel_covers_start_goal_or_plan(tab: Tab, size: tuple[int, int]) -> None:
-    width, height = size
-    tab.page.set_viewport_size({"width": width, "height": height})
-    tab.until(lambda: tab.page.get_by_role("tab", name="Scene").first.is_visible(), "the panel is not there")
+def test_no_panel_covers_start_goal_or_plan(tab: Tab) -> None:
+    for width, height in SIZES:
+        tab.page.set_viewport_size({"width": width, "height": height})
+        tab.until(lambda: tab.page.get_by_role("tab", name="Scene").first.is_visible(), "the panel is not there")
+        tab.until(lambda size=(width, height): _LEAST_SHARE <= share(tab, size) <= 1, "the panels take too much")
+        points = np.concatenate([[tab.position(which) for which in EndRole], tab.line("/plan/line")])
+        assert len(points) > 10
+        if width > 600:  # on a phone there is a menu of them
+            tab.until(lambda width=width: end_of_tabs(tab) <= width, "a tab is cut off")
+        wrong = tab.settled(lambda points=points: hidden(tab, points))
+        assert not wrong, f"{width} x {height}: {wrong}"
 
-    def share() -> float:
-        left, top, right, bottom = tab.page.evaluate(_CANVAS)
-        return (right - left) * (bottom - top) / (width * height)
 
-    tab.until(lambda: _LEAST_SHARE <= share() <= 1, "the panels take too much")
-    points = np.concatenate([[tab.position(which) for which in EndRole], tab.line("/plan/line")])
-    assert len(points) > 10
-    if width > 600:  # on a phone there is a menu of them
-        last = tab.page.get_by_role("tab", name="Export", exact=True)
+def share(tab: Tab, size: tuple[int, int]) -> float:
+    """Share of the scene in a page of this size."""
+    left, top, right, bottom = tab.page.evaluate(_CANVAS)
+    return (right - left) * (bottom - top) / (size[0] * size[1])
 
-        def end() -> float:
-            box = last.bounding_box()
-            return np.inf if box is None else box["x"] + box["width"]
 
-        tab.until(lambda: end() <= width, "a tab is cut off")
-    wrong = tab.settled(lambda: hidden(tab, points))
-    assert not wrong, wrong
+def end_of_tabs(tab: Tab) -> float:
+    """Right border of the last tab [pixels]; infinite where it is not shown."""
+    box = tab.page.get_by_role("tab", name="Export", exact=True).bounding_box()
+    return np.inf if box is None else box["x"] + box["width"]
 
 
 def test_the_panel_is_as_wide_after_a_visit_to_the_width_of_a_phone(tab: Tab) -> None:

@@ -77,26 +77,23 @@ def test_an_end_dragged_out_of_the_box_comes_back_to_its_border(serve: Serve, op
     assert tab.app.session.ends.start.position[0] == pytest.approx(border, abs=1e-4)
 
 
-@pytest.mark.parametrize("position", ["[NaN, 0, 0.4]", "[1e30, 0, 0.4]", "[0.1, 0.2]", "[]"])
-def test_a_tab_that_sends_nonsense_harms_nobody(serve: Serve, open_tab: OpenTab, position: str) -> None:
+def test_a_tab_that_sends_nonsense_harms_nobody(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork()))
-    tab.page.evaluate(
-        "window.__viserMutable.sendMessage({type: 'TransformControlsUpdateMessage', name: '/goal', owner: '',"
-        f" wxyz: [1, 0, 0, 0], position: {position}}})"
-    )
-    tab.page.evaluate(
-        "window.__viserMutable.sendMessage({type: 'TransformControlsDragEndMessage', name: '/goal', owner: ''})"
-    )
-    tab.page.wait_for_timeout(300)  # to do harm in
-    tab.drag_along_x(EndRole.START, 0.2, GIZMO)
-    place = tab.app.session.place
-    assert place is not None
-    for which in EndRole:
-        assert place.field.box.contains(tab.app.session.ends.of(which).state().position)
-        tab.until(
-            lambda which=which: np.allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-3),
-            "the page shows something else than the session",
+    for count, position in enumerate(("[NaN, 0, 0.4]", "[1e30, 0, 0.4]", "[0.1, 0.2]", "[]")):
+        tab.page.evaluate(
+            "window.__viserMutable.sendMessage({type: 'TransformControlsUpdateMessage', name: '/goal', owner: '',"
+            f" wxyz: [1, 0, 0, 0], position: {position}}})"
         )
+        tab.page.evaluate(
+            "window.__viserMutable.sendMessage({type: 'TransformControlsDragEndMessage', name: '/goal', owner: ''})"
+        )
+        tab.page.wait_for_timeout(300)  # to do harm in
+        tab.drag_along_x(EndRole.START, 0.2 if count % 2 == 0 else -0.2, GIZMO)
+        place = tab.app.session.place
+        assert place is not None
+        for which in EndRole:
+            assert place.field.box.contains(tab.app.session.ends.of(which).state().position)
+        tab.until_ends_agree()
 
 
 def test_typed_numbers_move_the_gizmo(serve: Serve, open_tab: OpenTab) -> None:
