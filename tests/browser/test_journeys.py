@@ -92,6 +92,7 @@ def test_an_own_mesh_is_learned_and_flown_in(
     plan_fly_export(tab)
 
 
+@pytest.mark.nightly  # trains as the journey of the mesh does; the rest of it is there too
 @pytest.mark.slow
 def test_an_own_capture_is_learned_and_flown_in(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_memory_does_not_grow_from_update_to_update() -> None:
     command = [sys.executable, "-m", "tests.estimator.measure_memory", "1200", "3"]
