@@ -95,7 +95,7 @@ def confirm_deletion(client: viser.ClientHandle, what: str, warning: str, really
 
 def confirm_reset(client: viser.ClientHandle, post: Callable[[Command], None]) -> None:
     """Ask for a confirmation in the tab that resets, and post the reset."""
-    warning = "Ends and all settings return to those at opening. Undo brings them back, and plans again."
+    warning = "Ends and all settings return to those at opening. Undo brings them and the plan back."
     _confirm(client, "Reset everything?", warning, ("Reset all", "Keep all"), lambda: post(Reset()))
 
 
