@@ -18,8 +18,8 @@ MARGIN = 2
 """Texels around each chart that show what is nearest to it, so that lookups between texels find no other chart."""
 LARGEST = 4096
 """Texels along an edge that every WebGL 2 is sure to have."""
-_TAKEN_APART, _FAR = 2, 3.0
-"""Number of times that charts that overlap themselves are split; texels by which the shown point differs then."""
+_TAKEN_APART = 3
+"""Number of times that charts that overlap themselves are split."""
 _STEEPEST = 0.3
 """Least cosine between a triangle's normal and the axis it is seen from."""
 _VOTES, _ROUNDS = 0.5, 8
@@ -61,20 +61,20 @@ def atlas_of(vertices: Vertices, faces: Faces, texel: float, most: int) -> Atlas
     if len(faces) == 0:
         raise InvalidInputError("an atlas is of a mesh with triangles: this one has none")
     kind = _kinds(vertices, faces)
-    atlas, texel = _laid_out(vertices, faces, kind, texel, most)
+    atlas, texel, covered = _laid_out(vertices, faces, kind, texel, most)
     for _ in range(_TAKEN_APART):
-        covered = _covered(atlas, vertices, faces, texel)
         if not covered.any():
             break
         kind = np.where(covered, kind + 6, kind)  # of another kind: into another chart
-        atlas, texel = _laid_out(vertices, faces, kind, texel, most)
+        atlas, texel, covered = _laid_out(vertices, faces, kind, texel, most)
     return atlas
 
 
 def _laid_out(
     vertices: Vertices, faces: Faces, kind: Int[np.ndarray, " m"], texel: float, most: int
-) -> tuple[Atlas, float]:
-    """The atlas whose charts are of connected triangles of one kind, and the size of its texels [m]."""
+) -> tuple[Atlas, float, Bool[np.ndarray, " m"]]:
+    """The atlas whose charts are of connected triangles of one kind, the size of its texels [m], and which triangles
+    others cover there."""
     across, chart_of_face = _charts(faces, kind)
     key = chart_of_face[:, None].astype(np.int64) * len(vertices) + faces
     corners, flat = np.unique(key, return_inverse=True)
@@ -93,18 +93,11 @@ def _laid_out(
     flat = flat.reshape(-1, 3)
     nearest, face_at = np.full(size, -np.inf, np.float32), np.full(size, -1, np.int32)
     weights = np.zeros((*size, 3), np.float32)
-    rasterize(texels[flat], nearest, face_at, weights)
-    return Atlas(vertex, flat, texels, size, face_at.reshape(-1), weights.reshape(-1, 3)), texel
-
-
-def _covered(atlas: Atlas, vertices: Vertices, faces: Faces, texel: float) -> Bool[np.ndarray, " m"]:
-    """Mark triangles that another one covers: the texel at their middle shows a point that is far from it."""
-    column, row = np.round(atlas.texels[atlas.faces].mean(1)).astype(np.int64).T
-    there = row * atlas.size[1] + column
-    apart = np.full(len(faces), 0.0)
-    seen = atlas.face_at[there] >= 0  # a triangle without area shows nowhere
-    apart[seen] = np.linalg.norm(atlas.shown(vertices, there[seen]) - vertices[faces[seen]].mean(1), axis=1)
-    return apart > _FAR * texel
+    along = np.take_along_axis(vertices[faces].mean(1), (kind % 3)[:, None], 1)[:, 0]
+    heights = np.where(kind % 6 < 3, along, -along).astype(np.float32)
+    covered = np.zeros(len(faces), bool)
+    rasterize(texels[flat], heights, nearest, face_at, weights, covered)
+    return Atlas(vertex, flat, texels, size, face_at.reshape(-1), weights.reshape(-1, 3)), texel, covered
 
 
 def _charts(faces: Faces, kind: Int[np.ndarray, " m"]) -> tuple[Int[np.ndarray, "c 2"], Int[np.ndarray, " m"]]:
@@ -160,13 +153,18 @@ REACH = np.float32(1.42)
 """Texels around triangles are theirs too, so far from their edges: bilinear lookups inside need no others."""
 
 
+_SHARED = np.float32(0.05)
+"""Texels within which a texel lies on the edge that two triangles share."""
+
+
 @kernel()
-def rasterize(corners, nearest, face_at, weights):
+def rasterize(corners, heights, nearest, face_at, weights, covered):
     """Write which triangle each texel shows, and the barycentric weights of its middle there.
 
-    `corners` (m, 3, 2) are x, y in texels, the middle of texel [y, x] at (x, y). `nearest` (h, w), -inf at first, is
-    how deep inside its triangle a texel is, below 0 outside; `face_at` (h, w), -1 at first; `weights` (h, w, 3), with
-    negative ones outside.
+    `corners` (m, 3, 2) are x, y in texels, the middle of texel [y, x] at (x, y). Of two triangles around a texel, the
+    one of larger `heights` (m) is shown, as a floor under a slide may be in the chart of both. `nearest` (h, w), -inf
+    at first, is how deep inside its triangle a texel is, below 0 outside; `face_at` (h, w), -1 at first; `weights`
+    (h, w, 3), with negative ones outside. `covered` (m) is set for triangles of which another one hides a texel.
     """
     height, width = nearest.shape
     for face in range(corners.shape[0]):
@@ -188,6 +186,14 @@ def rasterize(corners, nearest, face_at, weights):
                 c = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area
                 a = np.float32(1.0) - b - c
                 inside = min(a * opposite_a, b * opposite_b, c * opposite_c)
-                if inside >= -REACH and inside > nearest[y, x]:
+                if inside < -REACH:
+                    continue
+                if min(inside, nearest[y, x]) > _SHARED:
+                    shown = face_at[y, x]
+                    above = heights[face] > heights[shown]
+                    covered[shown if above else face] = True
+                else:
+                    above = inside > nearest[y, x]
+                if above:
                     nearest[y, x], face_at[y, x] = inside, face
                     weights[y, x, 0], weights[y, x, 1], weights[y, x, 2] = a, b, c
