@@ -227,6 +227,22 @@ def test_a_file_that_is_cut_off_is_refused(recording: Path, share: float) -> Non
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize(
+    ("entry", "wrong"),
+    [("name: /", "name: 7 # "), ("type: sensor_msgs/msg/Imu", "type: [2]"), ("message_count: ", "message_count: x")],
+)
+def test_entries_of_a_wrong_type_are_refused(tmp_path: Path, entry: str, wrong: str) -> None:
+    with WRITERS["sqlite3"](tmp_path / "flight") as write:
+        Recorded().write(write)
+    metadata = tmp_path / "flight" / "metadata.yaml"
+    text = metadata.read_text()
+    topics = text.index("topics_with_message_count")
+    assert entry in text[topics:]
+    metadata.write_text(text[:topics] + text[topics:].replace(entry, wrong))
+    with pytest.raises(InvalidInputError, match=r"in its metadata\.yaml a topic has"):
+        open_bag(tmp_path / "flight")
+
+
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"\x89PNG" * 100)
     for path in (tmp_path / "a.mcap", tmp_path, tmp_path / "missing.mcap"):

@@ -143,10 +143,23 @@ def opened(path: Path) -> Iterator[Any]:
     rosbag2 = import_extra("rosbags.rosbag2", "ros", _USER)
     try:
         with rosbag2.Reader(path) as reader:
+            for connection in reader.connections:
+                _require_topic(connection.topic, connection.msgtype, connection.msgcount)
             yield reader
     except Exception as error:  # its storages raise of four libraries' own kinds where a file is damaged
         why = " ".join(str(error).split()) or type(error).__name__
         raise InvalidInputError(f"{path} is no whole recording of ROS 2, or cut off: {why}") from error
+
+
+def _require_topic(name: Any, kind: Any, count: Any) -> None:
+    """Raise InvalidInputError for a topic of metadata.yaml whose entries, which rosbags takes as they are, have other
+    types than theirs."""
+    wrong = [repr(value) for value in (name, kind) if not isinstance(value, str)]
+    wrong += [repr(count)] if not isinstance(count, int) else []
+    if wrong:
+        raise InvalidInputError(
+            f"in its metadata.yaml a topic has {wrong[0]} where its name, its type or its number of messages is needed"
+        )
 
 
 @cache
