@@ -49,6 +49,7 @@ def plan_fly_export(tab: Tab) -> Session:
     return flown
 
 
+@pytest.mark.nightly  # splats are opened, turned and planned in by day too, and fields flown in
 @pytest.mark.slow
 def test_own_splats_are_opened_flown_in_and_kept(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path

@@ -108,6 +108,7 @@ print(json.dumps({"outcome": step.outcome.name, "peak": peak, "seconds": times, 
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss has another unit elsewhere")
 def test_a_hall_of_forty_metres_at_four_centimetres_fits_in_four_gigabytes(tmp_path: Path):
