@@ -7,6 +7,7 @@ none, that of the recording.
 In this order: static frames (/tf_static), pictures and cameras of messages, topics and their messages, the source.
 """
 
+import reprlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -154,8 +155,8 @@ def opened(path: Path) -> Iterator[Any]:
 def _require_topic(name: Any, kind: Any, count: Any) -> None:
     """Raise InvalidInputError for a topic of metadata.yaml whose entries, which rosbags takes as they are, have other
     types than theirs."""
-    wrong = [repr(value) for value in (name, kind) if not isinstance(value, str)]
-    wrong += [repr(count)] if not isinstance(count, int) else []
+    wrong = [reprlib.repr(value) for value in (name, kind) if not isinstance(value, str)]
+    wrong += [reprlib.repr(count)] if not isinstance(count, int) else []
     if wrong:
         raise InvalidInputError(
             f"in its metadata.yaml a topic has {wrong[0]} where its name, its type or its number of messages is needed"
