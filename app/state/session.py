@@ -147,8 +147,8 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
     @property
     def history_step(self) -> HistoryStep:
         """The settings of now and the plan, unless one is being computed."""
-        finished = self.plan is not None and (self.job is None or self.job.kind is not JobKind.PLAN)
-        return HistoryStep(self.moment, self.plan.without_replay if finished and self.plan is not None else None)
+        computed = self.job is not None and self.job.kind is JobKind.PLAN
+        return HistoryStep(self.moment, None if self.plan is None or computed else self.plan.without_replay)
 
     @property
     def asked(self) -> Hashable:

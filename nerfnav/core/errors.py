@@ -93,7 +93,7 @@ def naming_input(source: str | PathLike[str]) -> Iterator[None]:
     try:
         yield
     except InvalidInputError as error:
-        if not isinstance(error, InvalidNumberError) and Path(source).name not in str(error):
+        if not isinstance(error, InvalidNumberError) and Path(source).absolute().name not in str(error):
             error.args = (f"{source}: {error}",)
         raise
 

@@ -10,6 +10,8 @@ def test_an_error_gets_the_name_of_its_input_where_it_has_none() -> None:
         raise InvalidInputError("too few photographs")
     with pytest.raises(InvalidInputError, match=r"^b/scan is empty$"), naming_input("a/scan"):
         raise InvalidInputError("b/scan is empty")
+    with pytest.raises(InvalidInputError, match=r"^\.: too few photographs$"), naming_input("."):
+        raise InvalidInputError("too few photographs")
 
 
 def test_an_error_that_names_an_option_keeps_its_message() -> None:

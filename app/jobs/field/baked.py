@@ -37,7 +37,7 @@ def bake(
     scene, guesses = imported.scene, imported.report["guesses"]
     assert scene.voxel is not None and isinstance(guesses, list), "an imported mesh has both"
     spacing = scene.voxel * QUALITIES[quality].nodes ** (-1 / 3) if voxel is None else voxel
-    require_map_memory(scene.box, spacing)
+    require_map_memory(scene.name, scene.box, spacing)
     steps = bake_scene(scene, spacing, _capture(spacing, _PICTURES))
     field = yield from map_steps(steps, lambda step: Progress(step.label, step.fraction))
     return replace(field, info=replace(field.info, source=scene.name, seed=seed, guesses=tuple(guesses)))

@@ -10,7 +10,6 @@ from pathlib import Path
 import torch
 
 from nerfnav.core.deadline import Deadline
-from nerfnav.core.errors import naming_input
 from nerfnav.core.steps import map_steps
 from nerfnav.field import TrainConfig, VoxelField, load_field
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
@@ -47,8 +46,7 @@ def draft(request: TrainRequest) -> JobEvents:
         return (yield from train.learn(replace(brief, budget=budget.seconds), small, budget, "draft"))
     # what is around the box is learned, and nothing is learned yet
     config = replace(config_for(request, material), iterations=0, budget=None, outside=0)
-    with naming_input(request.source):
-        require_map_memory(material.box, config.voxel)
+    require_map_memory(request.source, material.box, config.voxel)
     yield Progress("fusing the depth maps", 0.5)
     fused = yield from learn_voxels(material, config, torch.Generator().manual_seed(request.seed))
     _, files = stored(noted(fused, request, material, "fused"), material.truth, out)

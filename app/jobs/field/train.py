@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from nerfnav.core.deadline import Deadline
-from nerfnav.core.errors import InvalidInputError, naming_input
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import map_steps
 from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, TrainConfig, TrainStep, VoxelField, train_neural
 from nerfnav.field.models.neural import blank_field
@@ -75,11 +75,11 @@ def _of_photographs(config: TrainConfig) -> TrainConfig:
     )
 
 
-def require_map_memory(box: Box, voxel: float) -> None:
+def require_map_memory(source: str, box: Box, voxel: float) -> None:
     if box.size.prod().item() / voxel**3 > MOST_VOXELS:
         raise InvalidInputError(
-            f"a field of {box.describe()} with voxels of {voxel:g} m would have more than {MOST_VOXELS} of them: "
-            "choose a larger --voxel"
+            f"{source}: a field of {box.describe()} with voxels of {voxel:g} m would have more than {MOST_VOXELS} of "
+            "them: choose a larger --voxel"
         )
 
 
@@ -158,8 +158,7 @@ def _learn(request: TrainRequest, material: TrainingData, budget: Deadline, made
     generator = torch.Generator().manual_seed(request.seed)
     if request.neural is None:
         config = replace(config_for(request, material), field_every=request.save_every)
-        with naming_input(request.source):
-            require_map_memory(material.box, config.voxel)
+        require_map_memory(request.source, material.box, config.voxel)
         learning = learn_voxels(material, config, generator, budget)
         trained = yield from _keeping(learning, request, material, out)
     else:
