@@ -71,6 +71,8 @@ class FollowingPlanQuery(Query[SessionPlan]):
     robot: str
     jobs_begun: int = field(default=0, compare=False)
     """Number of jobs when it was asked."""
+    travels: int = field(default=0, compare=False)
+    """Number of undos and redos when it was asked."""
     last: Motion | None = field(default=None, compare=False)
     """Plan that was shown then, with which a draft begins."""
 
@@ -89,7 +91,7 @@ class FollowingPlanQuery(Query[SessionPlan]):
             changed = plan.obstacles != session.placed_obstacles and not plan.draft
             first = session.held or changed  # seen at once, and then judged
             record = replace(session.new_plan(session.ends), draft=first)
-            yield cls(record, session.choice.robot, session.jobs_begun, last)
+            yield cls(record, session.choice.robot, session.jobs_begun, session.history.travels, last)
 
     def answer(self, resources: Resources) -> SessionPlan:
         """Run the plan job."""
@@ -97,15 +99,13 @@ class FollowingPlanQuery(Query[SessionPlan]):
         return make_plan(replace(request, draft=self.record.draft, warm_start=self.last), resources.place)
 
     def apply(self, session: Session, result: SessionPlan) -> Session:
-        """Show the plan, unless another one is shown, a job has begun since or another robot was taken.
+        """Show the plan, unless a job has begun since, another robot was taken, or undo brought another plan back.
 
         The ends may have moved on meanwhile: a plan for earlier ones is newer than the one that is shown.
         """
-        plan = session.plan
-        if plan is None or session.jobs_begun != self.jobs_begun or session.choice.robot != self.robot:
+        plan, asked_in = session.plan, (self.robot, self.jobs_begun, self.travels)
+        if plan is None or asked_in != (session.choice.robot, session.jobs_begun, session.history.travels):
             return session
-        if (None if plan.latest is None else plan.latest.motion) is not self.last:
-            return session  # undo or redo has brought another plan back
         if not result.steps:
             return replace(session, plan=replace(plan, refusal=result.refusal))
         record = replace(self.record, summary=result.summary)

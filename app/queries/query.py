@@ -63,7 +63,11 @@ class Query(ABC, Generic[Result]):
         """Compute the result. Raises NerfnavError where there is none."""
 
     def apply(self, session: Session, result: Result) -> Session:
-        """Take the result into the session: by default it is kept in its slot, for `result_in`."""
+        """Take the result into the session: by default it is kept in its slot, for `result_in`.
+
+        Returns the session itself where the result is not wanted any more: if the session asks it again, it is answered
+        again.
+        """
         return replace(session, results={**session.results, self.slot: (self, result)})
 
     def is_answered(self, session: Session) -> bool:

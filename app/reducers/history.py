@@ -9,7 +9,7 @@ from nerfnav_app.reducers.place import make_choice
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.obstacles import ChangeObstacle, ObstacleAction
 from nerfnav_app.state.plan import AllowTime, RestoreWeights
-from nerfnav_app.state.session import Moment, Session
+from nerfnav_app.state.session import History, Moment, Session
 
 _STEPS = (
     m.MoveEnd | m.TypeEnd | m.ChooseTask | ObstacleAction | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
@@ -40,9 +40,10 @@ def travel_history(session: Session, action: m.Undo | m.Redo) -> Session:
         return session
     now = session.history_step
     if isinstance(action, m.Undo):
-        aim, history = past[-1], replace(session.history, past=past[:-1], future=(*future, now), last=None)
+        aim, past, future = past[-1], past[:-1], (*future, now)
     else:
-        aim, history = future[-1], replace(session.history, past=(*past, now), future=future[:-1], last=None)
+        aim, past, future = future[-1], (*past, now), future[:-1]
+    history = History(past, future, travels=session.history.travels + 1)
     there = replace(restore_moment(session, aim.moment), history=history)
     only_view = replace(aim.moment, view_settings=now.moment.view_settings) == now.moment
     plan = aim.plan

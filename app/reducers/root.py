@@ -23,7 +23,8 @@ def reduce(session: Session, message: m.Action) -> Session:
 def _reduce(session: Session, message: m.Action) -> Session:
     match message:
         case m.QueryAnswered(query, result):
-            return query.apply(session, result)
+            applied = query.apply(session, result)
+            return replace(session, dropped=query) if applied is session else applied
         case m.RunChanged():
             return runs.finish_change(session, message)
         case m.Reported(job, event):

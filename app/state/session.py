@@ -66,12 +66,14 @@ class History:
     future: tuple[HistoryStep, ...] = ()
     last: Hashable = None
     """What the last step has changed: a hand that moves on makes no further step."""
+    travels: int = 0
+    """Number of undos and redos so far."""
 
     def stepped(self, before: HistoryStep, what: Hashable) -> "History":
         """Add a step: `what` has changed since `before`."""
         if what is not None and what == self.last and self.past:
             return replace(self, future=())
-        return History((*self.past, before)[-MOST_UNDO_STEPS:], (), what)
+        return History((*self.past, before)[-MOST_UNDO_STEPS:], (), what, self.travels)
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,8 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
     """Number of jobs so far."""
     results: Mapping[Hashable, tuple[Any, Any]] = field(default_factory=dict)
     """Queries of the place and their results, by slot: see nerfnav_app.queries.query."""
+    dropped: Hashable = field(default=None, compare=False)
+    """The last query whose answer was not wanted any more when it came: the worker answers it again if it is asked."""
     runs: Runs = field(default_factory=Runs)
     """Stored flights, and the timeline."""
     experiments: ExperimentState = field(default_factory=ExperimentState)

@@ -5,6 +5,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numba.core.event
@@ -15,7 +16,10 @@ from nerfnav.core.jit import Kernel
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav_app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.places.ends import End, EndRole
+from nerfnav_app.queries import catalog
 from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan
+from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
@@ -64,6 +68,39 @@ class Loop:
 
     def events(self) -> list[Any]:
         return [message.event for message in self.seen if isinstance(message, m.Reported)]
+
+
+@dataclass(frozen=True)
+class CountedQuery(Query[int]):
+    """Query for how often it was asked; the first answer is dropped."""
+
+    name: str
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["CountedQuery"]:
+        """Ask always."""
+        yield from (cls("late"), cls("failing"))
+
+    def answer(self, resources: Resources) -> int:
+        """Leave it to the work."""
+        raise NotImplementedError
+
+    def apply(self, session: Session, result: int) -> Session:
+        """Keep the second answer."""
+        return super().apply(session, result) if result > 1 else session
+
+
+def asked_plans(work: ScriptedWork) -> int:
+    """How many plans the worker has begun."""
+    return sum(isinstance(query, FollowingPlanQuery) for query in work.asked)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Wait for the worker, and take in nothing."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, "the worker did not get there in time"
+        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -210,6 +247,61 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     loop.take(m.StartPlan(), m.MoveEnd(EndRole.GOAL, End((0.5, -0.5, 0.5))))
     loop.until(lambda: pending_queries(loop.session) == ())
     assert loop.session.job is not None
+
+
+def test_a_plan_that_was_asked_for_before_the_last_one_was_shown_is_shown_too(
+    loop_for: Callable[[ScriptedWork], Loop],
+) -> None:
+    may_answer = threading.Event()
+
+    class Planning(ScriptedWork):
+        """Work whose plans wait until they may be answered."""
+
+        def answer(self, place: Any, query: Any) -> Any:
+            if not isinstance(query, FollowingPlanQuery):
+                return super().answer(place, query)
+            self.asked.append(query)
+            assert may_answer.wait(PATIENCE_S)
+            return SessionPlan((plan_step(query.record.ends, 0, PlanOutcome.CONVERGED),))
+
+    work = Planning({JobKind.PLAN: [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]})
+    loop = loop_for(work)
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.fresh_plan is not None and pending_queries(loop.session) == ())
+    goals = [m.MoveEnd(EndRole.GOAL, End((x, -0.5, 0.4))) for x in (0.5, 0.4)]
+    loop.take(goals[0])
+    wait_for(lambda: asked_plans(work) == 1)
+    loop.take(goals[1])
+    may_answer.set()
+    wait_for(lambda: asked_plans(work) == 2)  # before the first answer is taken in
+    loop.until(lambda: loop.session.fresh_plan is not None)
+    assert loop.session.plan is not None and loop.session.plan.ends.goal == goals[1].end
+
+
+def test_a_query_whose_answer_came_too_late_is_asked_again_and_one_that_failed_is_not(
+    loop_for: Callable[[ScriptedWork], Loop],
+) -> None:
+    class Late(ScriptedWork):
+        """Work of which the first answer is not wanted any more, and one has failed."""
+
+        def answer(self, place: Any, query: Any) -> Any:
+            if not isinstance(query, CountedQuery):
+                return super().answer(place, query)
+            self.asked.append(query)
+            if query.name == "failing":
+                raise NerfnavError("it fails")
+            return len([one for one in self.asked if one == query])
+
+    work = Late()
+    catalog.register(CountedQuery)
+    try:
+        loop = loop_for(work)
+        loop.until(lambda: CountedQuery.result_in(loop.session) is not None)
+        loop.settle()
+    finally:
+        catalog.unregister(CountedQuery)
+    assert CountedQuery.result_in(loop.session) == 2
+    assert sorted(query.name for query in work.asked if isinstance(query, CountedQuery)) == ["failing", "late", "late"]
 
 
 def test_pictures_of_a_flight_leave_it_most_of_the_time(loop_for: Callable[[ScriptedWork], Loop]) -> None:
