@@ -23,6 +23,9 @@ from nerfnav_app.storage.output_files import prepare_file
 
 _REPORT_EVERY = 2
 """Training steps between two answers, for which plans wait."""
+_LEAST_STEPS = 40
+"""Training steps of a draft on a machine that is busy elsewhere, however long they take: the fox shows nothing to plan
+in after 6."""
 _LONGEST = 320
 """Longest side of the pictures of a draft [pixels], of those with depth that it is judged by: its voxels show little
 more, and the evaluation takes as long as there are pixels (the fox: 21 s of a processor with 640, 5 s with 320)."""
@@ -40,7 +43,8 @@ def draft(request: TrainRequest) -> JobEvents:
     material = replace(material, held_out=material.held_out.shrunk(_LONGEST))
     if material.learned.depth is None:
         small = replace(material, learned=material.learned.shrunk(_LONGEST))
-        brief = replace(request, quality="draft", config=replace(request.config, report_every=_REPORT_EVERY))
+        config = replace(request.config, report_every=_REPORT_EVERY, least_iterations=_LEAST_STEPS)
+        brief = replace(request, quality="draft", config=config)
         yield from _compile_kernels(brief, small)
         budget = Deadline(BUDGETS_S["draft"])  # from here: posing the frames of a video may take longer
         return (yield from train.learn(replace(brief, budget=budget.seconds), small, budget, "draft"))

@@ -20,6 +20,8 @@ class TrainConfig:
     budget: float | None = None
     """Wall time to spend, evaluation included [s]; replaces `iterations`. The result then depends on how fast the
     machine is. Exceeded where evaluation leaves too little of it for learning."""
+    least_iterations: int = 0
+    """Training steps after which a budget may end the training."""
     rays: int = 8192
     """Rays in a training step."""
     patch: int = 1

@@ -131,7 +131,7 @@ def train(
     InvalidInputError for images that no field can be learned from, and where memory cannot hold the training.
     """
     budget = Deadline(config.budget, budget)
-    progress, cost = Progress(config.iterations, budget), None
+    progress, cost = Progress(config.iterations, budget, config.least_iterations), None
     with threads(default_threads()) as workers:
         learner, stage, depth, mask = first_learner(photographs, box, background, config, workers)
     sampler, ends = RaySampler(photographs, generator, mask), config.stage_ends

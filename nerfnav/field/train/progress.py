@@ -45,12 +45,12 @@ _LEAST = 0.1
 class Progress:
     """Counts training steps against a number of them, or against a budget of time."""
 
-    def __init__(self, iterations: int, budget: Deadline) -> None:
-        """Count `iterations` steps, or the time of a budget where that has an end."""
+    def __init__(self, iterations: int, budget: Deadline, least: int = 0) -> None:
+        """Count `iterations` steps, or the time of a budget where that has an end, but at least `least` steps."""
         self.iteration = 0
         self.fraction = 0.0 if iterations else 1.0
         """Share of the training that is done, 0 to 1."""
-        self._iterations, self._rays, self._error = iterations, 0, 0.0
+        self._iterations, self._least, self._rays, self._error = iterations, least, 0, 0.0
         self._budget, self._seconds = budget, math.inf
         self._clock = Deadline(whole=budget)
 
@@ -81,7 +81,10 @@ class Progress:
             self._rays += rays
         self._error = loss if self.iteration == 0 else _FORGET * self._error + (1 - _FORGET) * loss
         self.iteration += 1
-        done = self.elapsed_s / self._seconds if self.has_budget else self.iteration / self._iterations
+        if self.has_budget:
+            done = min(self.elapsed_s / self._seconds, self.iteration / max(self._least, 1))
+        else:
+            done = self.iteration / self._iterations
         self.fraction = min(1.0, done)
 
     @property

@@ -59,6 +59,17 @@ def test_without_a_budget_iterations_end_the_training(clock: Clock) -> None:
     assert progress.fraction == 1 and not progress.has_budget
 
 
+def test_a_budget_ends_the_training_after_the_least_number_of_steps(clock: Clock) -> None:
+    progress = Progress(0, Deadline(10.0), least=40)
+    progress.learned(0.1, 10)
+    fractions = []
+    while progress.fraction < 1:
+        clock.now += 3.0
+        progress.learned(0.1, 10)
+        fractions.append(progress.fraction)
+    assert progress.iteration == 40 and fractions == sorted(fractions)
+
+
 def test_a_part_ends_no_later_than_the_whole(clock: Clock) -> None:
     whole = Deadline(10.0)
     clock.now = 7.0
