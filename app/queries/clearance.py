@@ -129,18 +129,21 @@ class ClearanceQuery(Query[Clearance]):
 
     @torch.no_grad()
     def answer(self, resources: Resources) -> Clearance:
-        """Measure the densities around the body at each step, as plans do."""
+        """Measure the densities around the body at each step, and the distance from announced movers, as plans do."""
         place = prepare_place(resources.place, self.unknown)
         motion, body, config = self.shown.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
-        bound = PathDensity.of(place.field, motion, body).bound_per_step
+        bound = PathDensity.of(place.field, motion, body).bound_per_step.numpy()
         count = len(motion.actions)
         parts = np.array_split(np.arange(count), min(_STRETCHES, count) if self.hurried else count) if count else []
         room = [measure_clearance(place.field, _cut(motion, part), body, config) for part in parts]
         # where nothing is within reach, the clearance is at least the reach
         clearance = np.repeat([reach if free is None else free for free in room], [len(part) for part in parts])
+        if place.announced_movers is not None:
+            gaps = place.announced_movers.least_gaps(motion.states, motion.dt, body, self.shown.begins_s)
+            clearance, bound = np.minimum(clearance, gaps.clip(0)), np.where(gaps <= 0, bound.clip(1), bound)
         times = self.shown.begins_s + motion.dt * (1 + np.arange(count))
-        rows = np.stack([times, 100 * clearance, 100 * bound.numpy()])
+        rows = np.stack([times, 100 * clearance, 100 * bound])
         context = self.context
         if context is None:
             return Clearance(rows)

@@ -19,6 +19,7 @@ from nerfnav.robots import Motion, RigidState
 from nerfnav_app.jobs.events import JobEvent, JobEvents, relay_steps
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.ends import EndRole
+from nerfnav_app.places.obstacles import find_touched
 from nerfnav_app.places.place import Place
 from nerfnav_app.state.flight import LARGEST_GUST
 from nerfnav_app.state.job import Job
@@ -30,22 +31,31 @@ _ROOM_STEP = 0.001
 """Resolution of the room beside a robot on the ground [m]."""
 
 
-def find_kidnap_pose(place: Place, truth: RigidState, generator: torch.Generator) -> Pose | None:
-    """Find a pose at which the robot fits, far from where it is; None where there is none."""
+def find_kidnap_pose(place: Place, truth: RigidState, generator: torch.Generator, time: float = 0.0) -> Pose | None:
+    """Find a pose at which the robot fits, far from where it is, and touches no mover at that time of the flight [s];
+    None where there is none."""
     planned = prepare_place(place, UnknownSpace.OCCUPIED)
     robot, body = planned.robot, planned.robot.body_with_room(_ROOM)
-    return sample_kidnap_pose(
-        truth, planned.field.box, lambda state: fits(planned.field, body, robot.settled(state, truth)), generator
-    )
+    movers = () if place.movers is None else place.movers.obstacles
+
+    def is_free(state: RigidState) -> bool:
+        settled = robot.settled(state, truth)
+        return fits(planned.field, body, settled) and find_touched(movers, robot, settled, time) is None
+
+    return sample_kidnap_pose(truth, planned.field.box, is_free, generator)
 
 
-def make_gust(place: Place, truth: RigidState, action: Float[Tensor, " a"], dt: float) -> GustStrength:
-    """Make a gust for a time step of `dt` [s] from the true state, as strong as the clearance in the step allows; of no
-    strength where the field shows none."""
+def make_gust(
+    place: Place, truth: RigidState, action: Float[Tensor, " a"], dt: float, time: float = 0.0
+) -> GustStrength:
+    """Make a gust for a time step of `dt` [s] from the true state at a time of the flight [s], as strong as the
+    clearance in the step allows, from movers too; of no strength where there is none."""
     planned = prepare_place(place, UnknownSpace.OCCUPIED)
     after = planned.robot.step(truth, action, dt)
     step = Motion(RigidState.stack([truth, after]), action[None], dt)
     clearance = _level_clearance(planned, step) if planned.robot.planar else _clearance(planned, step)
+    if place.movers is not None:
+        clearance = min(clearance, max(0.0, place.movers.least_gaps(step.states, dt, planned.robot.body, time).item()))
     return fit_gust(LARGEST_GUST, planned.robot, clearance)
 
 
@@ -121,7 +131,7 @@ class SessionRequests:
         self._served = replace(job, gusts=served.gusts + blows)
         return OperatorRequests(
             goal=self._goal_state,
-            gust=make_gust(self._place, last.truth, last.plan.actions[0], last.plan.dt) if blows else None,
-            kidnap_pose=find_kidnap_pose(self._place, last.truth, self._generator) if kidnaps else None,
+            gust=make_gust(self._place, last.truth, last.plan.actions[0], last.plan.dt, last.time) if blows else None,
+            kidnap_pose=find_kidnap_pose(self._place, last.truth, self._generator, last.time) if kidnaps else None,
             search=served.searches < job.searches,
         )

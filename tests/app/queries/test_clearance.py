@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from nerfnav.navigation.episode import EpisodeOutcome
+from nerfnav.obstacles import ConstantVelocity, Obstacle, ObstacleSet, Sphere
 from nerfnav.planner.risk.tracking_error import tracking_deviations
 from nerfnav.robots.noise import NoiseModel
 from nerfnav_app.jobs.events import JobFinished
+from nerfnav_app.places.obstacles import place_obstacles
 from nerfnav_app.queries.clearance import ClearanceQuery, deviations_along, find_shown_motion
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.state import actions as m
@@ -41,6 +44,21 @@ def test_clearance_of_a_plan_is_asked_for_once_and_not_while_a_hand_drags(opened
     known = after(session, m.QueryAnswered(asked, asked.answer(Resources(PLACE))))
     assert asked_in(known).is_answered(known) and ClearanceQuery.result_shown(known) is not None
     assert list(ClearanceQuery.pending(replace(session, held=True))) == []
+
+
+def test_announced_movers_count_at_the_time_of_each_step(opened: Session) -> None:
+    asked = asked_in(planned(opened))
+    alone = asked.answer(Resources(PLACE)).rows
+    motion, among = asked.shown.motion, []
+    for step in (2, 6):  # it is where the robot is then, and fast
+        there = motion.states.position[step] - torch.tensor([0.0, 0.0, 6.0 * step * motion.dt])
+        comes = Obstacle("ball", Sphere(0.02), tuple(there.tolist()), motion=ConstantVelocity((0.0, 0.0, 6.0)))
+        among.append(asked.answer(Resources(place_obstacles(PLACE, ObstacleSet((comes,))))).rows)
+        hit = among[-1][1] == 0
+        assert step - 1 in np.flatnonzero(hit) and (among[-1][2][hit] >= 100).all()
+    assert (among[0][1] <= alone[1]).all() and among[0][1, 6] == alone[1, 6] and among[1][1, 1] == alone[1, 1]
+    unseen = place_obstacles(PLACE, ObstacleSet((replace(comes, seen=True),)))
+    np.testing.assert_array_equal(asked.answer(Resources(unseen)).rows, alone)
 
 
 def test_in_flight_the_motion_is_what_is_left_of_the_plan_from_now_on(opened: Session) -> None:

@@ -7,17 +7,19 @@ import torch
 
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import NavigationStep
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle, ObstacleSet, Sphere
 from nerfnav.planner import FastPlanConfig, SafetyConfig, measure_clearance
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.cli.arguments import Route
 from nerfnav_app.jobs.fly.fly import run
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.places.derived import prepare_place
+from nerfnav_app.places.obstacles import place_obstacles
 from nerfnav_app.places.place import Place, open_place
 from nerfnav_app.state.flight import LARGEST_GUST
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.session import Session
-from nerfnav_app.worker.operator_requests import SessionRequests, make_gust
+from nerfnav_app.worker.operator_requests import SessionRequests, find_kidnap_pose, make_gust
 
 HOVER = torch.tensor([2.4525, 0.0, 0.0, 0.0])
 
@@ -51,6 +53,23 @@ def test_a_gust_counts_the_clearance_at_the_end_of_the_step_as_well(opened: Sess
     falling = replace(hovering, velocity=torch.tensor([0.0, 0.0, -1.9]))
     soon, now = (make_gust(place, state, HOVER, 0.1).velocity_mps for state in (falling, hovering))
     assert soon < 0.5 * now
+
+
+def test_a_gust_does_not_push_a_robot_into_a_mover_and_a_kidnapped_one_is_not_put_there(opened: Session) -> None:
+    place = opened.place
+    assert place is not None
+    state = RigidState.at_rest((-0.7, 0.0, 0.4))
+    speeds = []
+    for away, time in ((0.3, 0.0), (0.12, 0.0), (0.12, 10.0)):  # at 10 s it is elsewhere
+        corner = (-0.7, away + 0.05, 0.4)
+        mover = Obstacle("ball", Sphere(0.05), corner, motion=ConstantVelocity((0.0, 0.2, 0.0)))
+        among = place_obstacles(place, ObstacleSet((mover,)))
+        speeds.append(make_gust(among, state, HOVER, 0.1, time).velocity_mps)
+    assert speeds[1] < speeds[0] and speeds[1] < speeds[2] == make_gust(place, state, HOVER, 0.1).velocity_mps
+    everywhere = Obstacle("fog", BoxShape((9.0, 9.0, 9.0)), (0.0, 0.0, 0.0), motion=ConstantVelocity((0.0, 0.0, 3.0)))
+    filled = place_obstacles(place, ObstacleSet((everywhere,)))
+    assert find_kidnap_pose(filled, state, torch.Generator().manual_seed(0)) is None
+    assert find_kidnap_pose(filled, state, torch.Generator().manual_seed(0), time=30.0) is not None
 
 
 def test_what_a_robot_on_the_ground_stands_on_does_not_weaken_its_gust(opened: Session) -> None:
