@@ -2,8 +2,9 @@
 
 steps.jsonl     index, time [s], action, truth and belief as 18 numbers (position, velocity, rotation row by row, body
                 rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late,
-                gust_mps where there was a gust, transition where the supervisor's state changed; index 0 also has the
-                first plan, which versions before did not keep
+                gust_mps where there was a gust, transition where the supervisor's state changed, seen where a robot
+                that watches has seen movers: 12 numbers for each of their boxes (position at time 0 of the flight,
+                rotation, extents, velocity); index 0 also has the first plan, which versions before did not keep
 pictures/       the camera's picture of each step as JPEG
 
 Numbers have nine digits, which is every bit of a float32. The pixels of the filter are not kept.
@@ -22,6 +23,8 @@ from torch import Tensor
 from nerfnav.estimator import Belief
 from nerfnav.geometry import encode_image
 from nerfnav.navigation import EpisodeOutcome, NavigationStep, StateChange, SupervisorAction
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner import Movers
 from nerfnav.robots import Motion, RigidState
 
 FILE, PICTURES = "steps.jsonl", "pictures"
@@ -50,6 +53,7 @@ def encode_step(step: NavigationStep) -> dict[str, Any]:
     } | {
         **({} if step.gust_mps is None else {"gust_mps": step.gust_mps}),
         **({} if step.change is None else {"transition": step.change.to_json()}),
+        **({} if step.seen_movers is None else {"seen": _encode_boxes(step.seen_movers)}),
     }
 
 
@@ -90,6 +94,7 @@ class _StoredStep(msgspec.Struct):
     gust_mps: float | None = None
     transition: dict[str, int | str] | None = None
     first_plan: _StoredMotion | None = None
+    seen: list[list[float]] | None = None
 
 
 def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
@@ -117,6 +122,7 @@ def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         late=step.late,
         gust_mps=step.gust_mps,
         first_plan=None if step.first_plan is None else _decode_motion("first_plan", step.first_plan),
+        kept_movers=None if step.seen is None else _decode_boxes(step.seen),
     )
 
 
@@ -149,6 +155,27 @@ def _decode_motion(name: str, stored: _StoredMotion) -> Motion:
     if not 0 < stored.dt < math.inf or len(states.position) != stored.shape[0] + 1:
         raise ValueError(f"{name} has {len(states.position)} states, {stored.shape[0]} actions and a dt of {stored.dt}")
     return Motion(states, _finite(f"{name}.actions", stored.actions).reshape(stored.shape), stored.dt)
+
+
+def _encode_boxes(movers: Movers) -> list[list[float]]:
+    boxes = []
+    for mover in movers.obstacles:
+        assert isinstance(mover.shape, BoxShape) and isinstance(mover.motion, ConstantVelocity), "what is seen is a box"
+        parts = mover.position, mover.rotation, mover.shape.extents, mover.motion.velocity
+        boxes.append([float(f"{number:.9g}") for part in parts for number in part])
+    return boxes
+
+
+def _decode_boxes(stored: list[list[float]]) -> Movers:
+    boxes = []
+    for index, numbers in enumerate(stored):
+        _require_finite(f"seen[{index}]", *numbers)
+        x, y, z, roll, pitch, yaw, length, width, height, u, v, w = numbers
+        shape, motion = BoxShape((length, width, height)), ConstantVelocity((u, v, w))
+        boxes.append(Obstacle(f"seen {index + 1}", shape, (x, y, z), (roll, pitch, yaw), motion))
+    if not boxes:
+        raise ValueError("seen has no box")
+    return Movers(tuple(boxes))
 
 
 def _picture(folder: Path, index: int) -> Tensor | None:

@@ -48,7 +48,7 @@ def read_steps(folder: Path, pictures: bool = True) -> tuple[NavigationStep, ...
                 raise ValueError(f"line {index + 1} is no step {index} with an action of {shape}")
             if step.plan.dt != steps[0].plan.dt or step.plan.actions.shape[1:] != steps[0].plan.actions.shape[1:]:
                 raise ValueError(f"line {index + 1} has another dt or kind of action than the first")
-    except (ValueError, KeyError, RuntimeError) as error:
+    except (ValueError, KeyError, RuntimeError, InvalidInputError) as error:
         raise InvalidInputError(f"{FILE} of {folder.name} is damaged: {first_line(error)}") from error
     if not steps:
         raise InvalidInputError(f"{folder.name} was cut off before its first step")

@@ -32,7 +32,7 @@ from nerfnav.estimator import (
 from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.navigation.seen_movers import SeenMovers
 from nerfnav.navigation.supervisor_state import StateChange, SupervisorAction, SupervisorState, state_after
-from nerfnav.planner import PlanStep
+from nerfnav.planner import Movers, PlanStep
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 
@@ -135,6 +135,13 @@ class NavigationStep:
     """Consistency monitor of the filter; None in open loop, at index 0, and of filters whose noise is not scaled."""
     seen: SeenMovers | None = None
     """Things that pictures show and the field does not; None where the robot does not watch."""
+    kept_movers: Movers | None = None
+    """Boxes of these things in a step that was read from a file; None where there were none."""
+
+    @property
+    def seen_movers(self) -> Movers | None:
+        """Boxes of things that pictures show and the field does not; None where there are none."""
+        return self.kept_movers if self.seen is None else self.seen.movers
 
     @property
     def filter_belief(self) -> Belief:

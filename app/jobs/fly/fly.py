@@ -35,7 +35,7 @@ def _describe_sightings(flown: list[NavigationStep]) -> dict[str, Any]:
     """Describe what a robot that watches has seen beside the map: in how many time steps, and when first."""
     if flown[-1].seen is None:
         return {}
-    times = [step.time for step in flown if step.seen is not None and step.seen.movers is not None]
+    times = [step.time for step in flown if step.seen_movers is not None]
     return {"seen_steps": len(times), "first_seen_s": times[0] if times else None}
 
 

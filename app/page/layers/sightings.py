@@ -26,13 +26,13 @@ class SightingsLayer:
         self._shown: object = None
 
     def show(self, session: Session) -> None:
-        """Draw the boxes at the time that the timeline shows; a kept flight has none."""
+        """Draw the boxes at the time that the timeline shows."""
         flight = session.shown_flight if session.flight_is_shown else None
         step = flight.steps[-1] if flight is not None and flight.steps else None
         if step is self._shown:
             return
         self._shown = step
-        movers = None if step is None or step.seen is None else step.seen.movers
+        movers = None if step is None else step.seen_movers
         found = () if step is None or movers is None else movers.obstacles
         now = np.array([0.0 if step is None else step.time])
         centers = np.array([obstacle.place(now)[0] for obstacle in found], np.float32).reshape(-1, 3)

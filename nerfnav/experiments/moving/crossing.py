@@ -216,7 +216,7 @@ def _row(problem: PlanProblem, flown: Sequence[NavigationStep], box: Movers | No
 def _sightings(flown: Sequence[NavigationStep]) -> Row:
     """Number of time steps in which a robot that watches saw something, the first time, and how long it then took to a
     new plan or the fallback [s]."""
-    seen = [step for step in flown if step.seen is not None and step.seen.movers is not None]
+    seen = [step for step in flown if step.seen_movers is not None]
     answers = [
         step.time - seen[0].time
         for step in flown

@@ -11,6 +11,8 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode, NavigationStep
 from nerfnav.navigation.supervisor import StateChange, SupervisorAction, SupervisorState
+from nerfnav.obstacles import BoxShape, ConstantVelocity, Obstacle
+from nerfnav.planner import Movers
 from nerfnav_app.storage import step_log as log_module
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_metadata import RunMetadata
@@ -89,6 +91,20 @@ def test_gusts_are_kept_and_steps_without_one_say_nothing_of_them(tmp_path: Path
     assert tuple(step.gust_mps for step in read_steps(tmp_path)) == gusts
     lines = (tmp_path / "steps.jsonl").read_text().splitlines()
     assert ["gust_mps" in line for line in lines] == [False, True, True]
+
+
+def test_boxes_of_seen_movers_are_kept_where_they_are_at_each_time(tmp_path: Path) -> None:
+    shape, motion = BoxShape((0.1, 0.2, 0.3)), ConstantVelocity((0.5, 0.0, -0.1))
+    boxes = Movers(tuple(Obstacle(f"seen 1 {n + 1}", shape, (n, 0.1, 0.2), (0.0, 0.3, n), motion) for n in range(2)))
+    with open_step_log(tmp_path, about(), Episode.metrics) as log:
+        assert log is not None
+        for step in flown()[:3]:
+            log.append(NavigationStep(**{**vars(step), "kept_movers": boxes if step.index == 1 else None}))
+    before, during, after = (step.seen_movers for step in read_steps(tmp_path))
+    assert before is None and after is None and during is not None
+    for kept, seen in zip(during.obstacles, boxes.obstacles, strict=True):
+        parts = [(box.position, box.rotation, box.shape, box.motion) for box in (kept, seen)]
+        assert parts[0] == parts[1]
 
 
 def test_each_step_is_on_disk_before_the_next_one_begins(tmp_path: Path) -> None:
@@ -201,6 +217,9 @@ def test_a_full_disk_is_told_without_saying_where_it_is(tmp_path: Path, monkeypa
         (("outcome",), 5, r"\$\.outcome"),
         (("belief",), {}, r"\$\.belief"),
         (("action",), [1.0], "line 3 is no step 2 with an action"),
+        (("seen",), [[0.0] * 11], "damaged"),
+        (("seen",), [[*[0.0] * 6, 1.0, -1.0, 1.0, *[0.0] * 3]], "edge of a box along y"),
+        (("seen",), [[math.nan, *[0.0] * 5, *[1.0] * 6]], r"seen\[0\]\[0\] is nan"),
     ],
 )
 def test_a_damaged_step_is_refused_with_its_place(

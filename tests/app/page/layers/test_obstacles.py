@@ -95,9 +95,10 @@ def test_what_a_robot_suspects_is_drawn_where_it_is_by_now(server: viser.ViserSe
     class Suspicion(SeenMovers):
         movers = Movers((comes,))
 
-    steps = (flight_step(ends, 0), replace(flight_step(ends, 1), seen=Suspicion()), flight_step(ends, 2))
+    step, kept = flight_step(ends, 1), replace(flight_step(ends, 1), kept_movers=Movers((comes,)))
+    steps = (flight_step(ends, 0), replace(step, seen=Suspicion()), flight_step(ends, 2), kept, flight_step(ends, 4))
     node: Any = server.scene._handle_from_node_name[NODE]
-    for count, visible in ((1, False), (2, True), (3, False)):
+    for count, visible in ((1, False), (2, True), (3, False), (4, True), (5, False)):
         session = Session("balls", place=balls_place(), ends=ends, flight=FlightRecord(ends, steps[:count]))
         layer.show(session)
         assert node.visible is visible
