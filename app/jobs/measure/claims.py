@@ -153,6 +153,31 @@ def _rivals(summary: Row) -> Iterator[Claim]:
                 yield _less(f"Lower {what} than {name}", own[measure], other[measure])
 
 
+def _moving(summary: Row) -> Iterator[Claim]:
+    others = {name: row for name, row in summary["methods"].items() if "skipped" not in row}
+    own = others.pop("announced")
+    for level in reversed([level for level in own if isinstance(own[level], dict)]):
+        for name, other in others.items():
+            theirs, here = (f"{row[level]['successes']} of {row[level]['worlds']}" for row in (other, own))
+            holds = own[level]["successes"] >= other[level]["successes"]
+            yield Claim(f"No fewer successes than {name} in {level} worlds", theirs, here, holds)
+
+
+def _crossing(summary: Row) -> Iterator[Claim]:
+    found = summary["together"]
+    for knows, what in (("announced", "is announced"), ("seen_in_view", "is seen alone, in view")):
+        for pace, own in found[knows].items():
+            blind = found["unaware"][pace]
+            if own["trials"] and blind["trials"]:
+                shares = [row["clean"] / row["trials"] for row in (blind, own)]
+                theirs, here = (f"{row['clean']} of {row['trials']}" for row in (blind, own))
+                speed = f"{pace.removeprefix('pace_')} times the robot's speed"
+                yield Claim(
+                    f"More clean flights where a box at {speed} {what} than where the robot is unaware of it",
+                    theirs, here, shares[1] > shares[0],
+                )  # fmt: skip
+
+
 def _relocalisation(summary: Row) -> Iterator[Claim]:
     seen = summary["sighted"]
     found = f"{seen['found_and_right']} of {seen['trials']}, {seen['found_but_wrong']} wrong"
@@ -230,6 +255,8 @@ _CLAIMS: dict[str, Callable[[Row], Iterator[Claim]]] = {
     "tangent-plane": _tangent,
     "flights": _flights,
     "rivals": _rivals,
+    "moving": _moving,
+    "crossing": _crossing,
     "relocalisation": _relocalisation,
     "basin": _basin,
     "reflight": _reflight,

@@ -11,6 +11,8 @@ import pytest
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.experiments import FlightOptions
 from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.moving.crossing import summarize as summary_of_crossings
+from nerfnav.experiments.moving.experiment import summarize as summary_of_moving
 from nerfnav.experiments.study import ExperimentSteps, Results, Study, run_trials
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.measure import claims, series
@@ -125,6 +127,14 @@ def test_every_comparison_reads_the_summary_of_its_experiment() -> None:
         "flask": {"clean": 5, "trials": 9, "time_p50_ms": 10.0, "J_median": None},
         "vamp": {"skipped": "not installed"},
     }
+    easy, hard = ({"successes": count, "worlds": 10} for count in (10, 4))
+    corridors = {"announced": {"knows": "all", "easy": hard, "hard": easy}, "rrt": {"easy": easy, "hard": hard}}
+    of_ten, none = ([{"clean": count, "trials": 10} for count in (2, 9)], {"clean": 0, "trials": 0})
+    crossings = {
+        "unaware": {"pace_0.3": of_ten[0], "pace_1": of_ten[1]},
+        "announced": {"pace_0.3": of_ten[1], "pace_1": of_ten[0]},
+        "seen_in_view": {"pace_0.3": none},
+    }
     summaries: dict[str, Any] = {
         "timing": {
             "rows": {"plan": {"paper_s": 20.0, "nerfnav_ms": 50.0}, "filter": {"paper_s": 4.0, "nerfnav_ms": 5e3}}
@@ -141,14 +151,19 @@ def test_every_comparison_reads_the_summary_of_its_experiment() -> None:
         "relocalisation": {"sighted": {"trials": 5, "found_and_right": 4, "found_but_wrong": 0}},
         "basin": {"2 cm": {"converged_share": 1.0}, "9 cm": {"converged_share": 0.4}, "left_out": {"figures": "none"}},
         "reflight": {"mellinger": {"exports": 6, "clean": 5}},
+        "moving": {"methods": {**corridors, "flask": {"skipped": "not installed"}}},
+        "crossing": {"together": crossings},
         "new": {"reached": 3},
     }
     found = {name: claims.claims_of(name, summary) for name, summary in summaries.items()}
     assert {name: [claim.holds for claim in mine] for name, mine in found.items()} == {
         "timing": [True, False], "planners": [False, False, False, True], "replanning": [True, True],
         "collision-correlation": [False], "ground-robots": [True, False], "tangent-plane": [True], "flights": [None],
-        "rivals": [True, False], "relocalisation": [None], "basin": [None], "reflight": [None], "new": [],
+        "rivals": [True, False], "relocalisation": [None], "basin": [None], "reflight": [None],
+        "moving": [True, False], "crossing": [True, False], "new": [],
     }  # fmt: skip
+    assert all(claim.holds for claim in claims.claims_of("moving", summary_of_moving([], {})))
+    assert claims.claims_of("crossing", {"together": summary_of_crossings([])}) == []
     assert found["flights"][0].here == "3 of 4" and found["basin"][0].here == "100%, 40%"
 
 
