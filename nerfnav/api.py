@@ -18,9 +18,11 @@ from nerfnav.field import GridField, UnknownSpace, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
     LEVEL,
+    WORLDS,
     CameraFunction,
     Episode,
     FlightRequest,
+    Gyroscopes,
     NavigateConfig,
     NavigationStack,
     Simulator,
@@ -29,6 +31,7 @@ from nerfnav.navigation import (
     make_yaw_objective,
     navigate,
     plan_first,
+    use_inertial_unit,
     world_generator,
 )
 from nerfnav.planner import (
@@ -82,7 +85,7 @@ def fly(
     touched it, which ends the flight unless `config.fly_on`; without one it photographs the field itself, and contacts
     are not judged. The same `seed` gives the same noise. Raises as `plan` does.
     """
-    config, settings = config or NavigateConfig(), FastPlanConfig()
+    config, settings = WORLDS["paper"].configure(config or NavigateConfig()), FastPlanConfig()
     planned, robot, map_error = _with_solid_unknown(problem), problem.robot, ConsiderCovariance()
     if isinstance(problem.field, GridField):
         info = problem.field.info
@@ -110,7 +113,9 @@ def fly(
         contact=None if scene is None else world.contact_check(scene, robot.body),
         box=problem.field.box,
         level_contact=None if scene is None else world.level_contact_check(scene, robot.body, LEVEL),
+        gyroscopes=Gyroscopes(seed) if config.imu else None,
     )
+    stack = use_inertial_unit(stack, simulator)
     request = FlightRequest(problem.goal, problem.steps, problem.dt)
     return run_steps(navigate(request, simulator, stack, config, torch.Generator().manual_seed(seed)))
 

@@ -84,7 +84,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("detect",),
     ),
     "nerfnav.navigation": (
-        ("gust", "supervisor_state", "watch"),
+        ("gust", "gyroscopes", "supervisor_state", "watch"),
         ("fallback", "seen_movers", "simulator", "supervisor"),
         ("episode", "flight"),
         ("landing", "watching"),

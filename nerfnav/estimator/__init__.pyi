@@ -17,6 +17,7 @@ from .core.filter_step import FilterResult as FilterResult
 from .core.filter_step import FilterStep as FilterStep
 from .core.filter_step import FilterUpdate as FilterUpdate
 from .core.filter_step import Predictor as Predictor
+from .core.prediction import transition as transition
 from .gauss_newton.aligned_filter import AlignedFilter as AlignedFilter
 from .gauss_newton.fast_filter import FastFilter as FastFilter
 from .gauss_newton.fast_filter import inerf as inerf

@@ -57,6 +57,7 @@ def trials_of(study: Study) -> list[FlightTrial]:
             flights.risk_weight,
             flights.robot,
             flights.fly_on,
+            imu=flights.imu,
         )
         for index in range(study.trials or _TRIALS)
         for known in ((False, True) if flights.truth else (False,))

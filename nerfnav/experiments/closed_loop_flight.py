@@ -32,6 +32,7 @@ from nerfnav.navigation import (
     WORLDS,
     FlightRequest,
     FlightStep,
+    Gyroscopes,
     NavigateConfig,
     NavigationStack,
     NavigationStep,
@@ -39,9 +40,9 @@ from nerfnav.navigation import (
     Watch,
     WorldName,
     build_safe_planner,
-    compensate_latency,
     estimate_flight_time,
     navigate,
+    use_inertial_unit,
     world_generator,
 )
 from nerfnav.obstacles import Overlay
@@ -137,6 +138,8 @@ class FlightTrial:
     """Fly on after a contact, which is counted."""
     open_loop: bool = False
     """Fly the first plan blindly."""
+    imu: bool = False
+    """The robot has an inertial unit in the paper's world too."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +226,7 @@ def _flight(
     arena: Arena, problem: PlanProblem, trial: FlightTrial, plan: Motion | None, traffic: Traffic | None
 ) -> Iterator[FlightStep]:
     world = WORLDS[trial.world]
-    config = world.configure(NavigateConfig(open_loop=trial.open_loop, fly_on=trial.fly_on))
+    config = world.configure(NavigateConfig(open_loop=trial.open_loop, fly_on=trial.fly_on, imu=trial.imu))
     config = replace(config, filter=config.filter.for_field(arena.field.info))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
@@ -251,6 +254,7 @@ def _flight(
         robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact, box=problem.field.box,
         level_contact=level_contact_check(arena.scene, robot.body, LEVEL),
         movers=movers, camera_at=None if overlay is None else look_at_traffic,
+        gyroscopes=Gyroscopes(trial.seed) if config.imu else None,
     ))  # fmt: skip
     if trial.known:
         config = replace(config, initial=KNOWN)
@@ -266,7 +270,7 @@ def _flight(
             stack = replace(stack, hidden=partial(overlay.covered, robot.camera))
         if traffic is not None and traffic.watched:
             stack = replace(stack, watch=Watch.of(arena.field, robot, masks=traffic.masked))
-        stack = compensate_latency(stack, simulator)
+        stack = use_inertial_unit(stack, simulator)
     request = FlightRequest(problem.goal, problem.steps, problem.dt, plan)
     return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))
 

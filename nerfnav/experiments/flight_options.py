@@ -27,6 +27,8 @@ class FlightOptions:
     the paper's between random ends."""
     fly_on: bool = False
     """Fly on after a contact, which is counted, as the paper's evaluation does; else a contact ends the flight."""
+    imu: bool = False
+    """The robot has an inertial unit in the paper's world too, as of `nerfnav fly --imu`."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a weight of risk below 0."""

@@ -19,6 +19,7 @@ from .flight import NavigationStack as NavigationStack
 from .flight import OperatorRequests as OperatorRequests
 from .gust import GustStrength as GustStrength
 from .gust import fit_gust as fit_gust
+from .gyroscopes import Gyroscopes as Gyroscopes
 from .landing import LEVEL as LEVEL
 from .looking import make_yaw_objective as make_yaw_objective
 from .loop import navigate as navigate
@@ -26,6 +27,7 @@ from .physical.config import PhysicalConfig as PhysicalConfig
 from .physical.worlds import WORLDS as WORLDS
 from .physical.worlds import WorldName as WorldName
 from .physical.worlds import compensate_latency as compensate_latency
+from .physical.worlds import use_inertial_unit as use_inertial_unit
 from .seen_movers import SeenMovers as SeenMovers
 from .simulator import CameraAtTime as CameraAtTime
 from .simulator import CameraFunction as CameraFunction

@@ -114,33 +114,29 @@ class NavigationStep:
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
     hits_expected: float | None = None
-    """Collisions to be expected of noise along the first plan, at index 0, as J counts them (planner/terms/risk.py):
-    more than there will be, for what is near counts anew in each step. None without a safety filter."""
+    """Collisions by noise that J expects along the first plan, at index 0: what is near counts in each step anew."""
     collision_probability: float | None = None
-    """Probability that a flight by the first plan touches something, at index 0 (planner/risk/probability.py). None
-    without a safety filter."""
+    """Probability that a flight by the first plan touches something, at index 0; None without a safety filter."""
     expected_sigma: ExpectedSigma | None = None
     """Sigma that the views along the first plan promise, at index 0; None where it is unknown (expected_belief.py)."""
     fallback: FallbackTrajectory | None = None
     """Fallback trajectory beside the plan; None without a safety filter, and where the robot holds."""
     apparent: Belief | None = None
-    """Belief of the state that the field shows, without the map error (estimator/schmidt_kalman.py); None: `belief`,
-    which has it."""
+    """Belief of the state that the field shows, without the map error; None: `belief`, which has it."""
     first_plan: Motion | None = None
     """Plan from the given start to the goal, with which the flight began, at index 0; None at later ones."""
     gust_mps: float | None = None
     """Change of speed by a gust on the way here [m/s]; 0 where the robot had no clearance for one, None without one."""
-
     consistency: Consistency | None = None
     """Consistency monitor of the filter; None in open loop, at index 0, and of filters whose noise is not scaled."""
     seen: SeenMovers | None = None
     """Things that pictures show and the field does not; None where the robot does not watch."""
     kept_movers: Movers | None = None
-    """Boxes of these things in a step that was read from a file; None where there were none."""
+    """Boxes of these things in a step that was read from a file."""
 
     @property
     def seen_movers(self) -> Movers | None:
-        """Boxes of things that pictures show and the field does not; None where there are none."""
+        """Boxes of these things; None where there are none."""
         return self.kept_movers if self.seen is None else self.seen.movers
 
     @property
@@ -197,8 +193,7 @@ class Episode:
     late: tuple[int, ...] = ()
     """Time steps that passed while filter and planner were still at an earlier one, in real time."""
     first_plan: Motion | None = None
-    """Plan with which the flight began, from the given start; `plans[0]` corrects it from the first belief. None in
-    files of versions that did not keep it."""
+    """Plan with which the flight began, from the given start; None in files of versions that did not keep it."""
     transitions: tuple[StateChange, ...] = ()
     """Changes of the supervisor's state, the end of the flight included. In files of versions that did not keep their
     reasons, these are the actions."""
@@ -356,10 +351,8 @@ def _transitions(
 def is_silent(errors_m: Sequence[float], inside_95: Sequence[bool], tracking: Sequence[bool]) -> bool:
     """Check for silent divergence: in three time steps in a row, while tracking, the estimated position is more than
     5 cm off, and the truth is outside of the belief's 95 % ellipsoid of position."""
-    silent = [
-        off > _OFF_M and not inside and tracks
-        for off, inside, tracks in zip(errors_m, inside_95, tracking, strict=True)
-    ]
+    steps = zip(errors_m, inside_95, tracking, strict=True)
+    silent = [off > _OFF_M and not inside and tracks for off, inside, tracks in steps]
     return any(all(silent[first : first + _IN_A_ROW]) for first in range(len(silent) - _IN_A_ROW + 1))
 
 

@@ -108,6 +108,9 @@ class NavigateConfig:
     the believed state."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
+    imu: bool = False
+    """The robot has an inertial unit, which measures turns and body rates (gyroscopes.py): noise of these is known. In
+    the physical world it always has one."""
     fly_on: bool = False
     """Fly on after a contact with the ground truth, which is counted, as the paper's evaluation does; the outcome at
     the end is COLLIDED all the same. By default a contact ends the flight."""

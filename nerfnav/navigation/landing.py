@@ -4,8 +4,8 @@ A lost robot lands where proven free space reaches level ground below its believ
 gently: by the dynamics alone, two standard deviations of its velocity and of its tilt have to be within the limits of a
 landing. Else it comes to rest in the air.
 
-In the paper's world, noise moves the attitude and there is no inertial unit: the velocity of a robot without pictures
-drifts by 0.2 m/s in 0.7 s, so that it lands from a few centimetres alone. With an inertial unit it lands from anywhere.
+In the paper's world, noise moves the attitude: without an inertial unit the velocity of a robot without pictures drifts
+by 0.2 m/s in 0.7 s, so that it lands from a few centimetres alone. With an inertial unit it lands from anywhere.
 """
 
 import math

@@ -15,6 +15,7 @@ from torch import Tensor
 from nerfnav.core.errors import require_seed
 from nerfnav.geometry import FORWARD_MOUNT, Box, Pose, so3
 from nerfnav.navigation.gust import GustStrength
+from nerfnav.navigation.gyroscopes import Gyroscopes
 from nerfnav.planner import Movers
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
@@ -66,6 +67,8 @@ class Simulator:
     """Camera of a world with movers; None: `camera` shows all."""
     time: float = 0.0
     """Time of the flight [s]."""
+    gyroscopes: Gyroscopes | None = None
+    """Gyroscopes, which measure each time step; None without them, and in the physical world, which has its own."""
 
     def is_outside(self, state: RigidState) -> bool:
         """Check whether the body has left the box: its centre is beyond it by more than the body's radius.
@@ -86,6 +89,8 @@ class Simulator:
             if disturbance is not None:
                 self.state = self.state.retract(disturbance.sample(self.generator))
         self.state = self.robot.settled(self.state, before)
+        if self.gyroscopes is not None:
+            self.gyroscopes.measure(before, self.state, dt)
         return self.advance(before, self.state, dt)
 
     def advance(self, before: RigidState, after: RigidState, seconds: float) -> bool:

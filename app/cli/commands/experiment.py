@@ -34,6 +34,8 @@ class Arguments(ExperimentOptions, Output):
     """Flights, replanning: the robot, as in `fly` (default: that of the tasks)."""
     fly_on: bool = False
     """Flights: count a contact and fly on, as in `fly` (default: a contact ends the flight). Replanning always does."""
+    imu: bool = False
+    """Flights: with an inertial unit in the paper's world too, as in `fly`."""
 
 
 def run(arguments: Arguments) -> None:

@@ -25,8 +25,7 @@ class Arguments(Route):
 
     estimator: Annotated[str, arg(help=f"Pose filter: {', '.join(estimators.names())}.")] = "fast"
     covariance: Literal["gauss-newton", "exact"] = "gauss-newton"
-    """Covariance of the fast filter: by Gauss-Newton, or by the exact second derivatives of the paper, which takes
-    longer."""
+    """Covariance of the fast filter: by Gauss-Newton, or as in the paper, slower."""
     camera: Path | None = None
     """Calibration of the robot's camera by ROS, OpenCV, Kalibr, EuRoC, nerfstudio or COLMAP (default: its own)."""
     open_loop: bool = False
@@ -38,6 +37,8 @@ class Arguments(Route):
     quadrotors alone; there --duration auto gives a flight time for wind."""
     realtime: bool = False
     """Let the world go on while filter and planner compute: steps longer than dt are late, and counted."""
+    imu: bool = False
+    """Inertial unit: it measures turns and body rates."""
     watch: bool = False
     """Look for what the map does not show; keep clear."""
     seed: int = 0
@@ -52,10 +53,10 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
     entry = find_planner(words)
     own = {"plan": entry.config(), "replan": entry.again(entry.config())}
     planning = [(name, type(settings), field(default=settings)) for name, settings in own.items()]
-    # --open-loop and --fly-on are options of the command itself: the settings keep names that help does not list
+    # --open-loop, --fly-on and --imu are options of the command itself: the settings keep names that help does not list
     known = [
         (name, Annotated[bool, arg(name=f"config.{name.replace('_', '-')}"), Suppress], field(default=False))
-        for name in ("open_loop", "fly_on")
+        for name in ("open_loop", "fly_on", "imu")
     ]
     about = {"__doc__": NavigateConfig.__doc__}
     config = make_dataclass("Config", [*planning, *known], bases=(NavigateConfig,), frozen=True, namespace=about)
@@ -66,7 +67,7 @@ def make_request(arguments: Any, place: Place) -> FlyRequest:
     """Make the request of a flight in the place of the arguments."""
     asked = arguments.config
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
-    config = replace(config, fly_on=arguments.fly_on or config.fly_on)
+    config = replace(config, fly_on=arguments.fly_on or config.fly_on, imu=arguments.imu or config.imu)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
     watches = arguments.watch or place.has_seen

@@ -11,13 +11,14 @@ from nerfnav.navigation import (
     Episode,
     FlightRequest,
     FlightStep,
+    Gyroscopes,
     NavigateConfig,
     NavigationStack,
     OperatorRequests,
     Simulator,
     Watch,
-    compensate_latency,
     navigate,
+    use_inertial_unit,
     world_generator,
 )
 from nerfnav.robots import Motion
@@ -47,9 +48,10 @@ def begin(request: FlyRequest, plan: Motion | None, place: Place) -> Generator[F
         robot, route.ends.start.state(), camera_function(place), world_generator(request.seed), robot.mount,
         noise=config.noise, contact=contact_function(place), box=place.field.box,
         level_contact=level_contact_function(place), movers=place.movers, camera_at=camera_of_movers(place),
+        gyroscopes=Gyroscopes(request.seed) if config.imu else None,
     ))  # fmt: skip
     stack = _make_stack(request, config, place)
-    stack = compensate_latency(stack, simulator)
+    stack = use_inertial_unit(stack, simulator)
     if request.realtime:  # the first update of a process takes seconds, for which no robot waits on the ground
         for _ in warm_up_filter(place, simulator.state):
             pass
@@ -100,5 +102,5 @@ class _Surroundings:
         simulator.level_contact = level_contact_function(place)
         simulator.movers, simulator.camera_at = place.movers, camera_of_movers(place)
         stack = replace(_make_stack(self.request, self.config, place), relocaliser=self.stack.relocaliser)
-        self.stack = compensate_latency(stack, simulator, self.stack)
+        self.stack = use_inertial_unit(stack, simulator, self.stack)
         return replace(requests, stack=self.stack)

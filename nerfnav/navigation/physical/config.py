@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.navigation.gyroscopes import GYROSCOPE_NOISE
 
 LEASH_M = 0.1
 """How far off a robot may believe to be that still tracks its plan [m]: its own width."""
@@ -53,8 +54,8 @@ class PhysicalConfig:
     """Frames by which a picture is late when the filter has it; the filter knows."""
     dropped_share: float = 0.05
     """Share of pictures that never arrive."""
-    gyroscope_noise: float = 5e-4
-    """Of the gyroscopes: white noise [rad/s/sqrt(Hz)]; that of small ones on a frame that shakes."""
+    gyroscope_noise: float = GYROSCOPE_NOISE
+    """Of the gyroscopes: white noise [rad/s/sqrt(Hz)]."""
     gyroscope_bias_radps: float = 0.005
     """And standard deviation of their bias, which nothing estimates [rad/s]."""
     accelerometer_noise: float = 3e-3

@@ -8,6 +8,7 @@ from typing import Literal, TypeVar
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Corrector
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
+from nerfnav.navigation.gyroscopes import aid_by_gyroscopes, measured_noise
 from nerfnav.navigation.physical.config import LEASH_M, UNSEEN_M, PhysicalConfig
 from nerfnav.navigation.physical.latency_compensation import LatencyCompensation
 from nerfnav.navigation.physical.simulator import PhysicalSimulator
@@ -20,6 +21,8 @@ WorldName = Literal["paper", "physical"]
 _LOST_S = 3.0
 """Time without an informative picture after which a search counts as in vain [s]: an inertial unit keeps the attitude,
 and so the velocity, much longer than the dynamics alone."""
+_STEP_S = 0.1
+"""Time step for which a robot with gyroscopes expects noise [s]."""
 _GENTLE = 0.4
 """Share of the angular acceleration that costs as much as the weight, for plans that rotors have to follow."""
 
@@ -47,6 +50,16 @@ def configure_for_physics(config: NavigateConfig) -> NavigateConfig:
     return replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
 
 
+def configure_for_gyroscopes(config: NavigateConfig) -> NavigateConfig:
+    """Configure a flight in the paper's world for gyroscopes, where the robot has them."""
+    if not config.imu:
+        return config
+    process = measured_noise(config.filter.process_noise, _STEP_S)
+    return replace(
+        config, filter=replace(config.filter, process_noise=process), recovery=replace(config.recovery, lost_s=_LOST_S)
+    )
+
+
 def reserve_control_authority(robot: Robot) -> Robot:
     """Tighten the limits of a robot for planning, so that the controller can reject wind and turn.
 
@@ -65,6 +78,16 @@ def reserve_control_authority(robot: Robot) -> Robot:
     careful.config, careful.bounds = own, own.bounds
     careful.action_weights = Quadrotor(own).action_weights
     return careful
+
+
+def use_inertial_unit(
+    stack: NavigationStack, simulator: Simulator, last: NavigationStack | None = None
+) -> NavigationStack:
+    """Add what the robot's inertial unit measures to the estimator, as `compensate_latency` does in the physical world;
+    return the stack unchanged without a unit. Raises InvalidInputError for an estimator that cannot use it."""
+    if simulator.gyroscopes is None:
+        return compensate_latency(stack, simulator, last)
+    return replace(stack, estimator=aid_by_gyroscopes(stack.estimator, simulator.robot, simulator.gyroscopes))
 
 
 def compensate_latency(
@@ -97,7 +120,7 @@ def compensate_latency(
 
 @dataclass(frozen=True)
 class World:
-    """Adjustments of a flight to its world; none in the paper's."""
+    """Adjustments of a flight to its world."""
 
     configure: Callable[[NavigateConfig], NavigateConfig] = _keep
     """Configuration of the flight."""
@@ -108,7 +131,7 @@ class World:
 
 
 WORLDS: dict[WorldName, World] = {
-    "paper": World(),
+    "paper": World(configure_for_gyroscopes),
     "physical": World(configure_for_physics, reserve_control_authority, make_physical_simulator),
 }
 """Worlds by name."""
