@@ -30,6 +30,7 @@ from nerfnav.field import Field, get_ray_grid
 from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.episode import ExpectedSigma
 from nerfnav.navigation.flight import FlightContext, NavigateConfig
+from nerfnav.navigation.gyroscopes import measured_noise
 from nerfnav.robots import POSITION, Motion, RigidState, Robot, StateNoise
 
 _PICTURES = 16
@@ -84,11 +85,12 @@ def expect_beliefs(motion: Motion, robot: Robot, view: View, config: NavigateCon
     """Expect the belief of the filter, without the map error, at each of the n + 1 times of a plan of n steps."""
     draws, floor = torch.Generator().manual_seed(0), config.filter.floor_at(view.grain).covariance()
     every = max(1, -(-len(motion.actions) // _PICTURES))
+    noise = measured_noise(config.noise, motion.dt) if config.imu else config.noise
     belief = Belief(motion.states[0], config.initial.covariance())
     information, beliefs = torch.zeros(len(POSE), len(POSE)), list[Belief]()
     for index in range(len(motion.actions) + 1):
         if index > 0:
-            belief = predict(belief, motion.actions[index - 1], robot, motion.dt, config.noise)
+            belief = predict(belief, motion.actions[index - 1], robot, motion.dt, noise)
         if index > 0 or config.look_first:
             predicted = belief.covariance
             if index % every == 0:

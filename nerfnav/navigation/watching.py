@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from jaxtyping import Bool
 from torch import Tensor
 
-from nerfnav.estimator import Belief
+from nerfnav.estimator import Belief, Predictor
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.navigation.episode import NavigationStep
 from nerfnav.navigation.flight import FlightContext
@@ -51,7 +51,11 @@ def foresee_after(last: NavigationStep, image: Tensor | None, flight: FlightCont
     action, dt, robot = last.plan.actions[0], flight.request.dt, flight.simulator.robot
     if image is None or (flight.stack.hidden is None and flight.stack.watch is None):
         return Foresight(None, None, None)
-    belief = predict(last.filter_belief, action, robot, dt, flight.config.filter.process_noise)
+    estimator = flight.stack.estimator
+    if isinstance(estimator, Predictor):  # which may know more than the dynamics, as with gyroscopes
+        belief, _ = estimator.predict(last.filter_belief, action, dt)
+    else:
+        belief = predict(last.filter_belief, action, robot, dt, flight.config.filter.process_noise)
     return foresee_picture(image, belief, last.time + dt, flight)
 
 

@@ -75,6 +75,12 @@ def test_where_nothing_shows_it_is_that_of_the_prediction_alone() -> None:
     assert (beliefs[-1].mean.position - GOAL.position).norm() < 1e-3
 
 
+def test_gyroscopes_leave_less_to_expect() -> None:
+    view = View((voxel_balls(),), CAMERA, BACKWARD)
+    sigmas = [expect_beliefs(plan(), ROBOT, view, replace(CONFIG, imu=imu))[-1].position_std for imu in (False, True)]
+    assert sigmas[1] < 0.9 * sigmas[0]
+
+
 def test_a_flight_with_too_little_to_see_is_refused_on_the_ground_with_the_share() -> None:
     blindly = replace(CONFIG, in_sight=0.0, most_blind=0.3)
     (refused,) = fly(blindly, BACKWARD)

@@ -8,13 +8,17 @@ from nerfnav.core.steps import run_steps
 from nerfnav.estimator import FastFilter
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.prediction import predict
+from nerfnav.geometry import Pose, so3
 from nerfnav.navigation import WORLDS, NavigateConfig, NavigationStack
+from nerfnav.navigation.episode import NavigationStep
+from nerfnav.navigation.flight import FlightContext
 from nerfnav.navigation.gyroscopes import GyroscopeAided, Gyroscopes, aid_by_gyroscopes, measured_noise
 from nerfnav.navigation.physical.worlds import use_inertial_unit
+from nerfnav.navigation.watching import foresee_after
 from nerfnav.robots import ATTITUDE, POSITION, StateNoise
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import Motion, RigidState
 from tests.estimator.places import CAMERA, balls
-from tests.navigation.doubles import ROBOT, START, StraightPlanner, draws, simulator
+from tests.navigation.doubles import REQUEST, ROBOT, START, StraightPlanner, draws, grey, simulator
 
 CONFIG = WORLDS["paper"].configure(NavigateConfig(imu=True))
 INITIAL = StateNoise.isotropic(0.01**2)
@@ -93,6 +97,29 @@ def test_a_stack_takes_the_measurements_of_its_simulator() -> None:
     turned = START.rotation @ world.gyroscopes.turn  # type: ignore[union-attr]
     torch.testing.assert_close(blind.posterior.mean.rotation, turned)
     assert (turned - world.state.rotation).abs().max() < 2e-3 < (START.rotation - world.state.rotation).abs().max()
+
+
+def test_a_picture_is_foreseen_from_where_the_gyroscopes_put_the_robot() -> None:
+    world, foreseen = simulator(noise=StateNoise(attitude_rad=0.3), gyroscopes=Gyroscopes(0)), []
+
+    def hidden(pose: Pose, time: float) -> None:
+        foreseen.append(pose)
+
+    stack = NavigationStack(StraightPlanner(), FastFilter(balls(), ROBOT, CAMERA, config=CONFIG.filter), hidden=hidden)
+    plan = Motion(RigidState.stack([START, START]), torch.tensor([[ROBOT.weight, 0.0, 0.0, 0.0]]), 0.1)
+    belief = Belief(START, INITIAL.covariance())
+    first = NavigationStep(0, 0.0, None, START, belief, None, None, plan, False, 0.0, 0.0)
+    world.follow(plan)
+    for one in (stack, use_inertial_unit(stack, world)):
+        foresee_after(first, grey(None), FlightContext(REQUEST, world, one, CONFIG, draws(0)))
+    truth = world.state.pose.compose(world.mount).rotation
+    errors = [so3.local(pose.rotation, truth).norm().item() for pose in foreseen]
+    assert errors[1] < 2e-3 < 0.1 < errors[0]
+
+
+def test_in_open_loop_the_dynamics_alone_move_beliefs_with_all_their_noise() -> None:
+    blind = WORLDS["paper"].configure(NavigateConfig(imu=True, open_loop=True))
+    assert blind.filter.process_noise == StateNoise()
 
 
 def test_an_estimator_that_takes_no_prediction_is_refused_with_the_remedy() -> None:

@@ -51,8 +51,9 @@ def configure_for_physics(config: NavigateConfig) -> NavigateConfig:
 
 
 def configure_for_gyroscopes(config: NavigateConfig) -> NavigateConfig:
-    """Configure a flight in the paper's world for gyroscopes, where the robot has them."""
-    if not config.imu:
+    """Configure a flight in the paper's world for gyroscopes, where the robot has them; in open loop the dynamics alone
+    move beliefs."""
+    if not config.imu or config.open_loop:
         return config
     process = measured_noise(config.filter.process_noise, _STEP_S)
     return replace(
