@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from nerfnav.navigation import EpisodeOutcome
+from nerfnav_app.page.panels.status.status import status
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
@@ -48,7 +49,9 @@ def test_the_button_that_stops_has_no_play_triangle_and_the_line_says_how_it_goe
     flight = app.session.flight
     assert flight is not None and flight.outcome is not None
     word = "Arrived after" if flight.outcome is EpisodeOutcome.REACHED else "from the goal"
-    tab.until(lambda: tab.says(word), "the line does not say how it ended")
+    ended = status(app.session).text
+    assert word in ended
+    tab.until(lambda: tab.says(ended), f"the line does not say {ended!r}")
 
 
 def test_uploads_of_other_tabs_are_not_told_without_a_name(serve: Serve, open_tab: OpenTab) -> None:
