@@ -52,7 +52,9 @@ class App:
         if obstacles is not None:
             session = replace(session, obstacles=read_placed(obstacles))
         self._worker = Worker(work or NavigationBackend(), self.post)
-        self._loop = UiLoop(session, self._worker.follow, *([] if memory is None else [memory.follow]))
+        self._loop = UiLoop(
+            session, self._worker.follow, *([] if memory is None else [memory.follow]), ask_again=self._worker.ask_again
+        )
         self._begun, self._server = begun, None if begun is None else begun.server
 
     @property

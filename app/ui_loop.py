@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from typing import Protocol
+from typing import Any, Protocol
 
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state.actions import Action, MoveEnd, QueryAnswered, Reported, Tick
@@ -33,13 +33,15 @@ class Shows(Protocol):
 class UiLoop:
     """Takes messages from any thread, and moves one session on."""
 
-    def __init__(self, session: Session, *follow: Callable[[Session], None]) -> None:
-        """All of `follow` are called with every new session."""
+    def __init__(
+        self, session: Session, *follow: Callable[[Session], None], ask_again: Callable[[Any], None] = lambda _: None
+    ) -> None:
+        """All of `follow` are called with every new session, `ask_again` with each query whose answer is dropped."""
         self.session = session
         self.parts: tuple[Shows, ...] = ()
         """What shows the session."""
         self._together: Callable[[], AbstractContextManager[None]] = nullcontext
-        self._follow = follow
+        self._follow, self._ask_again = follow, ask_again
         self._inbox: queue.SimpleQueue[Action | None] = queue.SimpleQueue()
         self.stopping = threading.Event()
         """Set once `stop` was called."""
@@ -125,6 +127,9 @@ class UiLoop:
             self.session = reduce(before, message)
         except Exception:
             _log.exception("a message of type %s was not understood", type(message).__name__)
+        else:
+            if isinstance(message, QueryAnswered) and self.session is before:
+                self._ask_again(message.query)
         for follow in self._follow:
             follow(self.session)
         if isinstance(message, MoveEnd | ChangeObstacle) and message.held and self.session.plan_follows_hand:

@@ -23,8 +23,7 @@ def reduce(session: Session, message: m.Action) -> Session:
 def _reduce(session: Session, message: m.Action) -> Session:
     match message:
         case m.QueryAnswered(query, result):
-            applied = query.apply(session, result)
-            return replace(session, dropped=query) if applied is session else applied
+            return query.apply(session, result)
         case m.RunChanged():
             return runs.finish_change(session, message)
         case m.Reported(job, event):

@@ -116,8 +116,6 @@ class Session(PlaceState, ObstacleState, PlanState, FlightState, ViewState):
     """Number of jobs so far."""
     results: Mapping[Hashable, tuple[Any, Any]] = field(default_factory=dict)
     """Queries of the place and their results, by slot: see nerfnav_app.queries.query."""
-    dropped: Hashable = field(default=None, compare=False)
-    """The last query whose answer was not wanted any more when it came: the worker answers it again if it is asked."""
     runs: Runs = field(default_factory=Runs)
     """Stored flights, and the timeline."""
     experiments: ExperimentState = field(default_factory=ExperimentState)

@@ -23,19 +23,18 @@ class OpenQueries:
     def __init__(self, work: Work) -> None:
         """`work` answers them."""
         self._work = work
-        self._answered: dict[Query[Any], Query[Any]] = {}
-        """Queries that were taken and are still asked; each maps to itself, for the session drops one of several that
-        are equal."""
+        self._answered: set[Query[Any]] = set()
         self._last_answer = 0.0
         self._pauses: dict[type[Query[Any]], float] = {}
         """Time before which a busy worker answers no more queries of a kind [s]."""
 
     def follow(self, session: Session) -> None:
-        """Forget the answers to what this session no longer asks, and the answer that it has dropped."""
-        asked = set(pending_queries(session))
-        self._answered = {
-            query: taken for query, taken in self._answered.items() if query in asked and taken is not session.dropped
-        }
+        """Forget the answers to what this session no longer asks."""
+        self._answered.intersection_update(pending_queries(session))
+
+    def ask_again(self, query: Query[Any]) -> None:
+        """Forget the answer to a query, which the session did not want any more when it came."""
+        self._answered.discard(query)
 
     def next(self, session: Session, busy: bool) -> Query[Any] | None:
         """Find a query that is not answered yet; while a job is `busy`, not too soon after the last one."""
@@ -52,7 +51,7 @@ class OpenQueries:
         """Take the next query, which counts as answered from now on."""
         query = None if session.place is None else self.next(session, busy)
         if query is not None:
-            self._answered[query] = query
+            self._answered.add(query)
         return query
 
     def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Notify:

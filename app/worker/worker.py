@@ -8,10 +8,12 @@ wins.
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import torch
 
 from nerfnav_app.jobs.events import COMPILING, Progress
+from nerfnav_app.queries.query import Query
 from nerfnav_app.state.actions import Notify, QueryAnswered, Reported, RunChanged
 from nerfnav_app.state.runs import RunChange
 from nerfnav_app.state.session import Session
@@ -54,6 +56,12 @@ class Worker:
             self._queries.follow(session)
             self._changed.notify()
         self._report_wait(session)
+
+    def ask_again(self, query: Query[Any]) -> None:
+        """Answer a query again if the latest session asks it: it has dropped the answer."""
+        with self._changed:
+            self._queries.ask_again(query)
+            self._changed.notify()
 
     def stop(self, timeout_s: float = 10.0) -> None:
         """Close the running job and end the thread, waiting at most `timeout_s` for the step in progress.

@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -17,7 +17,7 @@ from nerfnav_app.ui_loop import UiLoop
 from nerfnav_app.worker.backend import NavigationBackend
 from nerfnav_app.worker.worker import Worker
 from tests.app.doubles import flight_step
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, until
 
 
 class Watcher:
@@ -64,6 +64,30 @@ def test_a_flight_at_full_speed_is_shown_half_as_often(opened: Session, pace: fl
     times = [time for time, _, _ in watcher.shown]
     assert len(times) > 2 and min(later - before for before, later in itertools.pairwise(times)) >= frame_s - 1e-3
     assert all(inside for _, _, inside in watcher.shown)
+
+
+def test_a_query_is_asked_again_where_the_session_drops_its_answer_and_not_where_it_takes_it_or_fails(
+    opened: Session,
+) -> None:
+    @dataclass(frozen=True)
+    class Answered:
+        """Query with an answer that is taken, dropped or broken."""
+
+        fate: str
+
+        def apply(self, session: Session, result: object) -> Session:
+            if self.fate == "broken":
+                raise ValueError("it is broken")
+            return session if self.fate == "dropped" else replace(session, results={self.fate: (self, result)})
+
+    asked: list[object] = []
+    loop = UiLoop(opened, lambda session: asked.append("followed"), ask_again=asked.append)
+    loop.start(())
+    for fate in ("dropped", "taken", "broken"):
+        loop.post(m.QueryAnswered(Answered(fate), None))
+    until(lambda: asked.count("followed") == 3, "the messages are not taken")
+    loop.stop()
+    assert asked == [Answered("dropped"), "followed", "followed", "followed"]
 
 
 def test_a_command_does_not_wait_for_the_frame_of_a_flight(opened: Session, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -87,7 +87,7 @@ def test_an_answer_from_before_a_job_is_no_plan_of_now(opened: Session) -> None:
     asked = asked_of(moving)
     again = after(moving, m.StartPlan())
     late = m.QueryAnswered(asked, SessionPlan((plan_step(asked.record.ends, 0, PlanOutcome.CONVERGED),)))
-    assert after(again, late) == again
+    assert after(again, late) is again
 
 
 def test_a_plan_that_cannot_follow_is_greyed_and_says_why(opened: Session) -> None:

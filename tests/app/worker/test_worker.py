@@ -28,7 +28,7 @@ from nerfnav_app.state.session import Session
 from nerfnav_app.worker.open_queries import OpenQueries
 from nerfnav_app.worker.worker import Worker
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, until
 
 
 class Loop:
@@ -45,7 +45,9 @@ class Loop:
     def take(self, *messages: Any) -> None:
         for message in messages:
             self.seen.append(message)
-            self.session = reduce(self.session, message)
+            before, self.session = self.session, reduce(self.session, message)
+            if isinstance(message, m.QueryAnswered) and self.session is before:
+                self.worker.ask_again(message.query)  # type: ignore[arg-type]
             self.worker.follow(self.session)
 
     def until(self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> None:
@@ -93,14 +95,6 @@ class CountedQuery(Query[int]):
 def asked_plans(work: ScriptedWork) -> int:
     """How many plans the worker has begun."""
     return sum(isinstance(query, FollowingPlanQuery) for query in work.asked)
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    """Wait for the worker, and take in nothing."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, "the worker did not get there in time"
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -270,10 +264,10 @@ def test_a_plan_that_was_asked_for_before_the_last_one_was_shown_is_shown_too(
     loop.until(lambda: loop.session.fresh_plan is not None and pending_queries(loop.session) == ())
     goals = [m.MoveEnd(EndRole.GOAL, End((x, -0.5, 0.4))) for x in (0.5, 0.4)]
     loop.take(goals[0])
-    wait_for(lambda: asked_plans(work) == 1)
+    until(lambda: asked_plans(work) == 1, "the plan is not begun")
     loop.take(goals[1])
     may_answer.set()
-    wait_for(lambda: asked_plans(work) == 2)  # before the first answer is taken in
+    until(lambda: asked_plans(work) == 2, "the next plan is not begun")  # before the first answer is taken in
     loop.until(lambda: loop.session.fresh_plan is not None)
     assert loop.session.plan is not None and loop.session.plan.ends.goal == goals[1].end
 
