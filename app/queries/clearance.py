@@ -9,7 +9,7 @@ import torch
 
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import WorldName
-from nerfnav.planner import PathDensity, SafetyConfig, measure_clearance
+from nerfnav.planner import PathDensity, SafetyConfig, count_movers, measure_clearance
 from nerfnav.planner.risk.tracking_error import tracking_deviations
 from nerfnav.robots import Motion, NoiseModel, Robot, StateNoise
 from nerfnav_app.places.derived import planning_robot, prepare_place
@@ -133,17 +133,17 @@ class ClearanceQuery(Query[Clearance]):
         place = prepare_place(resources.place, self.unknown)
         motion, body, config = self.shown.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
-        bound = PathDensity.of(place.field, motion, body).bound_per_step.numpy()
+        bound = PathDensity.of(place.field, motion, body).bound_per_step
         count = len(motion.actions)
         parts = np.array_split(np.arange(count), min(_STRETCHES, count) if self.hurried else count) if count else []
         room = [measure_clearance(place.field, _cut(motion, part), body, config) for part in parts]
         # where nothing is within reach, the clearance is at least the reach
         clearance = np.repeat([reach if free is None else free for free in room], [len(part) for part in parts])
         if place.announced_movers is not None:
-            gaps = place.announced_movers.least_gaps(motion.states, motion.dt, body, self.shown.begins_s)
-            clearance, bound = np.minimum(clearance, gaps.clip(0)), np.where(gaps <= 0, bound.clip(1), bound)
+            gaps, bound = count_movers(place.announced_movers, motion, body, bound, self.shown.begins_s)
+            clearance = np.minimum(clearance, gaps.numpy())
         times = self.shown.begins_s + motion.dt * (1 + np.arange(count))
-        rows = np.stack([times, 100 * clearance, 100 * bound])
+        rows = np.stack([times, 100 * clearance, 100 * bound.numpy()])
         context = self.context
         if context is None:
             return Clearance(rows)

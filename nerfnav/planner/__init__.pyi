@@ -12,6 +12,7 @@ from .objective.problem import path_length as path_length
 from .objective.safety import NEAR_CERTAIN as NEAR_CERTAIN
 from .objective.safety import Safety as Safety
 from .objective.safety import assess_safety as assess_safety
+from .objective.safety import count_movers as count_movers
 from .objective.safety import downgrade_outcome as downgrade_outcome
 from .planners import PLANNERS as PLANNERS
 from .planners.fast import FastPlanner as FastPlanner

@@ -56,12 +56,20 @@ def assess_safety(
     steps = PathDensity.of(field, motion, body).bound_per_step
     clearance = measure_clearance(field, motion, body, config)
     if movers is not None:
-        gaps = torch.from_numpy(movers.least_gaps(motion.states, motion.dt, body, 0.0))
-        steps = torch.where(gaps <= 0, steps.clamp_min(1.0), steps)
-        nearest = max(0.0, gaps.min().item())
+        gaps, steps = count_movers(movers, motion, body, steps)
+        nearest = gaps.min().item()
         if nearest < (config.lengths(field, body)[1] if clearance is None else clearance):
             clearance = nearest
     return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
+
+
+def count_movers(
+    movers: Movers, motion: Motion, body: Body, per_step: Float[Tensor, " n"], time: float = 0.0
+) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
+    """Return the distance from movers in each step of a motion that begins at a time of the flight [s], 0 where one is
+    touched [m], and the bounds `per_step` with these steps as collisions for certain."""
+    gaps = torch.from_numpy(movers.least_gaps(motion.states, motion.dt, body, time))
+    return gaps.clamp_min(0.0), torch.where(gaps <= 0, per_step.clamp_min(1.0), per_step)
 
 
 def judge_search(
