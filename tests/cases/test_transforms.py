@@ -86,6 +86,13 @@ def test_a_fisheye_is_one() -> None:
     assert camera.fisheye and camera.distortion == (0.1, 0.01, 0.0, 0.0)
 
 
-def test_pictures_without_an_ending_are_tracked() -> None:
+@pytest.mark.nightly  # searches the whole place for each of four pictures: half a minute
+def test_pictures_without_an_ending_are_tracked(tmp_path: Path, capsys: Capture) -> None:
+    source = CASES / "track-capture-no-ending"
+    assert main(["track", "stonehenge", str(source), "--out", str(tmp_path / "t"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 4
+
+
+def test_pictures_without_an_ending_are_read() -> None:
     frames = list(open_source(CASES / "track-capture-no-ending").frames())
     assert len(frames) == 4 and len({frame.picture.shape for frame in frames}) == 1
