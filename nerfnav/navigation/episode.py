@@ -114,7 +114,7 @@ class NavigationStep:
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
     hits_expected: float | None = None
-    """Collisions by noise that J expects along the first plan, at index 0: what is near counts in each step anew."""
+    """Collisions by noise along the first plan as J counts them, at index 0: too many. None without a safety filter."""
     collision_probability: float | None = None
     """Probability that a flight by the first plan touches something, at index 0; None without a safety filter."""
     expected_sigma: ExpectedSigma | None = None

@@ -6,6 +6,7 @@ world's unit, white and without a bias. There, latency_compensation.py takes the
 """
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float, UInt8
@@ -61,6 +62,8 @@ class GyroscopeAided:
     """Dynamics, for position and velocity."""
     gyroscopes: Gyroscopes
     """Measurements of the last time step."""
+    takes_hidden: ClassVar[bool] = True
+    """`correct` takes pixels that are not compared, where the other estimator does."""
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
@@ -89,11 +92,6 @@ class GyroscopeAided:
     def trust_dynamics(self) -> bool:
         """Return whether the prediction counts in the posterior, see Corrector."""
         return self.estimator.trust_dynamics
-
-    @property
-    def takes_hidden(self) -> bool:
-        """Return True: pixels are left out where the other estimator leaves them out."""
-        return True
 
     def correct(
         self,

@@ -35,7 +35,7 @@ class Arguments(ExperimentOptions, Output):
     fly_on: bool = False
     """Flights: count a contact and fly on, as in `fly` (default: a contact ends the flight). Replanning always does."""
     imu: bool = False
-    """Flights: with an inertial unit in the paper's world too, as in `fly`."""
+    """Flights, replanning: with an inertial unit, as in `fly`; in open loop nothing uses it."""
 
 
 def run(arguments: Arguments) -> None:
