@@ -15,7 +15,7 @@ from beartype import BeartypeConf, beartype
 
 check = beartype(conf=BeartypeConf(is_pep484_tower=True))
 """beartype, with integers welcome where floats are asked for."""
-CALLS = 20
+CALLS = 3
 """Calls of each function that are checked in each test."""
 _every_call = jaxtyping.jaxtyped
 _test = 0

@@ -106,13 +106,6 @@ def test_from_the_given_share_on_only_colours_are_learned():
     assert not torch.equal(fields[0].values[..., 1:], fields[-1].values[..., 1:])
 
 
-@pytest.mark.slow
-def test_a_budget_ends_training_in_time():
-    steps, field = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))
-    assert steps[-1].fraction == 1
-    assert 0.8 <= field.info.train_s < 7.0, "finishing has its share of the budget"
-
-
 def test_nodes_that_more_cameras_see_learn_faster():
     share = views_of(node_positions(BOX, (5, 5, 5)), photographs_of_ball(12))
     assert share.max() == 1
