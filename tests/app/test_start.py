@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import trimesh
 import viser
 from viser import _icons
 
@@ -39,6 +40,17 @@ print(json.dumps(sorted(sys.modules)))
 """
 
 
+_SHOWN = """
+import sys
+from pathlib import Path
+from nerfnav_app.jobs.events import SurfaceShaped
+from nerfnav_app.jobs.open import make_field
+steps = make_field.run(Path(sys.argv[1]), Path(sys.argv[2]))
+assert any(isinstance(event, SurfaceShaped) for event in steps)
+assert "numba" not in sys.modules and "nerfnav_app.jobs.field.baked" not in sys.modules
+"""
+
+
 def test_the_command_limits_numpys_threads_before_numpy_is_imported() -> None:
     code = "import sys, nerfnav_app.cli.main; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=300).returncode == 0
@@ -51,6 +63,15 @@ def test_a_place_is_opened_and_shown_before_anything_slow_is_imported_but_torch(
         assert told.returncode == 0, told.stderr
     imported = set(json.loads(told.stdout))
     assert "torch" in imported and not imported & set(_SLOW)
+
+
+@pytest.mark.slow
+def test_a_mesh_is_shown_before_kernels_are_loaded(tmp_path: Path) -> None:
+    mesh = tmp_path / "ball.ply"
+    trimesh.creation.icosphere(subdivisions=2).export(mesh)
+    words = [sys.executable, "-c", _SHOWN, str(mesh), str(tmp_path / "field.npz")]
+    shown = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert shown.returncode == 0, shown.stderr
 
 
 def _counted(function: Callable[..., None], calls: list[int]) -> Callable[..., None]:

@@ -17,7 +17,7 @@ from nerfnav_app.places.surface_glb import encode_colored_glb, encode_textured_g
 if TYPE_CHECKING:
     import trimesh
 
-    from nerfnav.world import Scene
+    from nerfnav.world import Paint, Scene
 
 _CELLS = 140
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
@@ -71,15 +71,33 @@ def encode_scene(scene: "Scene") -> bytes:
     """Mesh of a scene for viewers, in its colours at corners: quick enough to be shown before its field is made."""
     import trimesh
 
-    from nerfnav.world import scene_color
+    from nerfnav.world import paint_of
 
     triangles = np.asarray(scene.mesh.triangles)
     edge = float(scene.box.size.max()) / _EDGE if len(triangles) < _MOST_FACES else np.inf
     face, weights, faces = divide_triangles(triangles, edge)
-    colors = scene_color(scene)(face, weights).round().clip(0, 255).astype(np.uint8)
+    colors = nearest_colors(scene.paint or paint_of(scene.mesh), face, weights).round().astype(np.uint8)
     corners = np.einsum("nk,nki->ni", weights, triangles[face])
     lower, upper = scene.box.lower.tolist(), scene.box.upper.tolist()
     return encode_colored_glb(trimesh.Trimesh(corners, faces, vertex_colors=colors, process=False), (lower, upper))
+
+
+def nearest_colors(
+    paint: "Paint", face: Int32[np.ndarray, " n"], weights: Float32[np.ndarray, "n 3"]
+) -> Float32[np.ndarray, "n 3"]:
+    """sRGB, 0 to 255, at points given by their face and their weights of its corners; of textures the nearest pixel.
+
+    Renderers blend pixels, by kernels that take as long to load as the mesh takes to read.
+    """
+    colors = np.einsum("nk,nkc->nc", weights, paint.tint[face].astype(np.float32))
+    image_of_point = paint.image_of_face[face]
+    for index in np.unique(image_of_point[image_of_point >= 0]):
+        here, image = image_of_point == index, paint.images[index]
+        height, width = image.shape[:2]
+        u, v = np.einsum("nk,nkc->cn", weights[here], paint.uv[face[here]])
+        column, row = (np.floor(x).astype(int) for x in (u * width, (1 - v) * height))
+        colors[here] *= image[row % height, column % width] / np.float32(255)
+    return colors
 
 
 def divide_triangles(

@@ -111,11 +111,6 @@ def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:
     return tuple(guesses)
 
 
-def imports(source: Path) -> bool:
-    """Check whether a file or folder is imported, not trained from."""
-    return source_kind(source).command == "import"
-
-
 def run(request: ImportRequest) -> JobEvents:
     """Yield progress, and return the numbers of the stored field.
 

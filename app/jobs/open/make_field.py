@@ -1,6 +1,7 @@
 """Make a field of a user's file, to open it: by baking (mesh), a draft (capture, video) or import (splats, NeRF).
 
-The field lies beside its source, and is found again there until the source changes.
+The field lies beside its source, and is found again there until the source changes. The modules that make fields are
+imported where they are needed: a mesh is shown before.
 """
 
 from dataclasses import replace
@@ -13,12 +14,8 @@ from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
 from nerfnav.importers.meshes.files import list_archived_meshes
 from nerfnav_app.jobs.events import JobEvents, JobResult, SurfaceShaped
 from nerfnav_app.jobs.export.surface import encode_scene
-from nerfnav_app.jobs.field import baked, drafts, train
 from nerfnav_app.jobs.field.meshes import find_solids, read_visible
-from nerfnav_app.jobs.field.report import stored
-from nerfnav_app.jobs.field.train import TrainRequest
-from nerfnav_app.jobs.open import import_field
-from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.places.sources import BUDGETS_S, PICTURE_EVERY_S, USUAL, QualityName
 from nerfnav_app.storage.output_files import prepare_file
 
@@ -26,12 +23,17 @@ from nerfnav_app.storage.output_files import prepare_file
 def run(source: Path, out: Path, quality: QualityName = USUAL, box: Corners | None = None) -> JobEvents:
     """Yield what making it yields, and leave the field in `out`: a mesh is shown meanwhile, a NeRF becomes quick."""
     placement = Placement(box=box)
-    if import_field.imports(source):
-        return import_field.run(ImportRequest(source, out, placement=placement))
+    kind = source_kind(source)
+    if kind.command == "import":
+        from nerfnav_app.jobs.open import import_field
+
+        return import_field.run(import_field.ImportRequest(source, out, placement=placement))
     config = TrainConfig(picture_every=PICTURE_EVERY_S)
     request = TrainRequest(str(source), out, quality=quality, placement=placement, config=config)
-    if source_kind(source) is SourceKind.MESH:
+    if kind is SourceKind.MESH:
         return _bake_mesh(request)
+    from nerfnav_app.jobs.field import drafts, train
+
     if quality == "draft":
         return train.run(replace(request, budget=BUDGETS_S[quality]))
     return drafts.draft(request)
@@ -41,6 +43,9 @@ def _bake_mesh(request: TrainRequest) -> JobEvents:
     """Yield the mesh as it is to be seen, then progress, and store its field, to plan in at once and refine later."""
     visible = yield from read_visible(request, SceneConfig.nodes)
     yield SurfaceShaped(encode_scene(visible.scene), rough=True)
+    from nerfnav_app.jobs.field import baked
+    from nerfnav_app.jobs.field.report import stored
+
     imported = yield from find_solids(visible)
     field = yield from baked.bake(imported, request.quality, request.seed)
     _, files = stored(field, imported.scene, prepare_file(request.out))

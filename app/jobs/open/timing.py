@@ -1,33 +1,27 @@
-"""Time the opening of a file in this process: the part of app/benchmarks/opening.py that runs in the new process."""
+"""Time the opening of a file in this process: the part of app/benchmarks/opening.py that runs in the new process.
+
+What plans and flies is imported once the source is shown, as in the page, where it stands in other jobs.
+"""
 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.steps import run_steps
-from nerfnav.field import UnknownSpace, VoxelField
-from nerfnav.navigation import EpisodeOutcome, NavigationStep
-from nerfnav.planner import FLYABLE, OccupancyConfig, PlanOutcome
-from nerfnav.planner.objective.default_ends import propose_ends
 from nerfnav_app.jobs.events import JobEvent, SurfaceShaped
-from nerfnav_app.jobs.export.surface import build_first_surface
-from nerfnav_app.jobs.field import baked, drafts
-from nerfnav_app.jobs.fly import fly
-from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.open import make_field
-from nerfnav_app.jobs.plan import plan
-from nerfnav_app.places.derived import build_occupancy, prepare_place
-from nerfnav_app.places.ends import End, Ends
-from nerfnav_app.places.place import Place, open_place
 from nerfnav_app.places.sources import USUAL
 
-_PLANNED = {outcome.name.lower() for outcome in (*FLYABLE, PlanOutcome.LIKELY_COLLISION)}
-"""Outcomes of plans that are flown, those among them of which the user is asked first: their risk is high."""
+if TYPE_CHECKING:
+    from nerfnav.field import VoxelField
+    from nerfnav_app.jobs.plan.plan import PlanRequest
+    from nerfnav_app.places.ends import Ends
+    from nerfnav_app.places.place import Place
 
 _FLIGHTS = 3
 """Flights in each field, one for each seed: the 95th percentiles of two flights alone differ by up to a factor of two.
@@ -51,13 +45,17 @@ def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[
         worked[name] = round(time.process_time(), 2)
 
     place = _make_place(source, out, lambda: note("shown"))
+    from nerfnav.navigation import EpisodeOutcome
+    from nerfnav_app.jobs.export.surface import build_first_surface
+    from nerfnav_app.jobs.plan import plan
+
     made_by = place.field.info.made_by
     if times["shown"] is None:
         build_first_surface(place)
         note("shown")
     request = plan.PlanRequest(_first_ends(place), shortest=True)
     outcome_planned = run_steps(plan.run(request, place)).summary["outcome"]
-    if outcome_planned in _PLANNED:
+    if outcome_planned in _flown_outcomes():
         note("planned")
     stages = _stages(place, source, seconds)
     if place.scene is not None:  # calibrated
@@ -82,16 +80,31 @@ def time_opening(source: Path, out: Path, began: float, seconds: float) -> dict[
     }
 
 
-def _make_place(source: Path, out: Path, on_shown: Callable[[], None]) -> Place:
+def _flown_outcomes() -> set[str]:
+    """Outcomes of plans that are flown, those among them of which the user is asked first: their risk is high."""
+    from nerfnav.planner import FLYABLE, PlanOutcome
+
+    return {outcome.name.lower() for outcome in (*FLYABLE, PlanOutcome.LIKELY_COLLISION)}
+
+
+def _make_place(source: Path, out: Path, on_shown: Callable[[], None]) -> "Place":
     """Make the field of a source, as the page does."""
     for event in make_field.run(source, out):
         if isinstance(event, SurfaceShaped):
             on_shown()
+    from nerfnav_app.places.place import open_place
+
     return open_place(str(out))
 
 
-def _first_ends(place: Place) -> Ends:
+def _first_ends(place: "Place") -> "Ends":
     """Ends as the page proposes them. Raises InvalidInputError without room."""
+    from nerfnav.field import UnknownSpace
+    from nerfnav.planner import OccupancyConfig
+    from nerfnav.planner.objective.default_ends import propose_ends
+    from nerfnav_app.places.derived import build_occupancy, prepare_place
+    from nerfnav_app.places.ends import End, Ends
+
     seen = prepare_place(place, UnknownSpace.OCCUPIED)
     found = propose_ends(
         seen.field, place.field, place.robot, lambda height: build_occupancy(seen, OccupancyConfig(), height)
@@ -101,20 +114,25 @@ def _first_ends(place: Place) -> Ends:
     return Ends(*map(End.of_state, found))
 
 
-def _stages(place: Place, source: Path, seconds: float) -> Iterator[JobEvent | VoxelField]:
+def _stages(place: "Place", source: Path, seconds: float) -> "Iterator[JobEvent | VoxelField]":
     """Better fields of the place, if there are any: of a mesh two, of a capture one."""
+    from nerfnav.field import VoxelField
+    from nerfnav_app.jobs.field import baked, drafts
+
     assert place.file is not None, "it was opened from a file"
     if place.scene is not None and isinstance(place.field, VoxelField):
         return baked.refine(place.field, place.scene, place.file, seconds)
     return drafts.refine(source, place.file, USUAL, seconds) if place.field.info.is_draft else iter(())
 
 
-def _better(place: Place, stages: Iterator[JobEvent | VoxelField]) -> Place:
+def _better(place: "Place", stages: "Iterator[JobEvent | VoxelField]") -> "Place":
     """The place with its next better field, or as it is where there is none."""
+    from nerfnav.field import VoxelField
+
     return replace(place, field=next((step for step in stages if isinstance(step, VoxelField)), place.field))
 
 
-def _errors_of_more_flights(request: plan.PlanRequest, place: Place) -> list[float]:
+def _errors_of_more_flights(request: "PlanRequest", place: "Place") -> list[float]:
     """Fly the request with further seeds; the position errors of all time steps [m]."""
     return [error for seed in range(1, _FLIGHTS) for error in _fly(request, place, seed)[1]]
 
@@ -124,8 +142,12 @@ def _p95(errors: list[float]) -> float | None:
     return float(np.quantile(errors, 0.95)) if errors else None
 
 
-def _fly(request: plan.PlanRequest, place: Place, seed: int = 0) -> tuple[dict[str, Any], list[float]]:
+def _fly(request: "PlanRequest", place: "Place", seed: int = 0) -> tuple[dict[str, Any], list[float]]:
     """Fly the request; numbers of the flight, and its position errors by time step [m]."""
+    from nerfnav.navigation import NavigationStep
+    from nerfnav_app.jobs.fly import fly
+    from nerfnav_app.jobs.fly.request import FlyRequest
+
     steps, errors = fly.run(FlyRequest(request, seed=seed), place), []
     while True:
         try:

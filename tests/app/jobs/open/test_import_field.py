@@ -11,11 +11,12 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
+from nerfnav.importers import source_kind
 from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav_app.cli import main as cli
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.open import make_field as adopt
-from nerfnav_app.jobs.open.import_field import ImportRequest, imports, run
+from nerfnav_app.jobs.open.import_field import ImportRequest, run
 from nerfnav_app.places.place import open_place
 from tests.app.following import followed, result_of
 from tests.importers.nerf.test_importer import Flexible, saved
@@ -135,7 +136,7 @@ def test_a_source_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_what_a_browser_brings_is_imported_where_it_is_splats_or_a_checkpoint(tmp_path: Path) -> None:
     write_inria(tmp_path / "moon.ply", ball_of_splats(300))
     (tmp_path / "mesh.ply").write_bytes(b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n")
-    assert imports(tmp_path / "moon.ply") and imports(checkpoint(tmp_path / "net.ckpt"))
-    assert not imports(tmp_path / "mesh.ply")
+    sources = tmp_path / "moon.ply", checkpoint(tmp_path / "net.ckpt"), tmp_path / "mesh.ply"
+    assert [source_kind(source).command for source in sources] == ["import", "import", "train"]
     last = result_of(adopt.run(tmp_path / "moon.ply", tmp_path / "moon.npz"))
     assert last.summary["source"]["kind"] == "splats"
