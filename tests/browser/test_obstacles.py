@@ -100,8 +100,10 @@ def test_a_plan_gives_way_to_a_box_that_is_dropped_and_dragged_and_undo_takes_it
     until_around(tab)
     assert gap(app.session, first) < -HALF_HEIGHT, "the box does not stand in the way"
     assert app.session.plan is not None and "safety" in app.session.plan.summary, "nobody has judged the plan"
-    tab.press("obstacles.mode", "Scale")
+    camera = app.session.view_settings.camera
+    tab.key("3")
     tab.until(lambda: app.session.gizmo_mode is GizmoMode.SCALE, "the handles still move it")
+    assert app.session.view_settings.camera is camera, "the key turns the camera too"
     tab.press("obstacles.copy")
     tab.until(lambda: len(app.session.obstacles) == 2, "no copy was made")
     names = [placed.name for placed in app.session.obstacles]
@@ -116,6 +118,8 @@ def test_a_plan_gives_way_to_a_box_that_is_dropped_and_dragged_and_undo_takes_it
     tab.until(lambda: app.session.placed_obstacles is None, "the box is still in the map")
     tab.until_planned()
     assert plan_of(app.session) is first, "it is another plan"
+    tab.key("2")
+    tab.until(lambda: app.session.view_settings.camera is not camera, "the key does not turn the camera again")
 
 
 def test_a_box_that_is_dropped_during_a_flight_is_flown_around(serve: Serve, open_tab: OpenTab) -> None:

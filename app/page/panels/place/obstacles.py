@@ -59,7 +59,7 @@ class ObstaclesPanel:
             self._list: viser.GuiDropdownHandle[str] = gui.add_dropdown("Obstacle", [_NONE], visible=False)
             self._name = gui.add_text("Its name", "", visible=False)
             self._mode = gui.add_button_group(
-                "Handles", tuple(mode.value for mode in GizmoMode), visible=False, hint="What the arrows do"
+                "Handles", tuple(mode.value for mode in GizmoMode), visible=False, hint="Keys 1, 2, 3"
             )
             self._draw = gui.add_button(
                 _DRAW, icon=_ICON.ROUTE, visible=False, hint="It moves from take-off on: click where it goes, in turn"

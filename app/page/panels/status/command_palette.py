@@ -37,6 +37,7 @@ from nerfnav_app.state.actions import (
     Undo,
 )
 from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.obstacles import ChooseMode, GizmoMode
 from nerfnav_app.state.runs import CompareRun, PlayBack, Scrub
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMode
@@ -57,6 +58,8 @@ class Shortcut:
     """Builds the command; None where it is not possible now."""
     key: Any = None
     """Key of its shortcut."""
+    has_key: Callable[[Session], bool] = lambda _: True
+    """False while its key is that of another command."""
     modifier: Any = None
     """Modifier of the shortcut."""
     icon: Any = None
@@ -99,12 +102,14 @@ class CommandPalette:
         return handle
 
     def show(self, session: Session) -> None:
-        """Disable the commands that are not possible now."""
+        """Disable the commands that are not possible now, and give each key to one command."""
         self._session = session
         for entry, handle in self._commands:
-            disabled = entry.asks(session) is None
+            disabled, key = entry.asks(session) is None, entry.key if entry.has_key(session) else None
             if handle.disabled != disabled:
                 handle.disabled = disabled
+            if handle.hotkey != key:
+                handle.hotkey = key
 
 
 def entries() -> tuple[Shortcut, ...]:
@@ -126,11 +131,14 @@ def entries() -> tuple[Shortcut, ...]:
         Shortcut("Stop placing", _when("aiming", AimEnd(None)), "escape", icon=icons.POINTER_OFF,
                  hint="Clicks into the scene place nothing, or end a path"),
         Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task"),
-        Shortcut("Reset", _when("place", Reset()), "R", "shift", icons.REFRESH, confirm=confirm_reset),
-        Shortcut("Undo", _when("history.past", Undo()), "Z", "cmd/ctrl", icons.ARROW_BACK_UP),
-        Shortcut("Redo", _when("history.future", Redo()), "Y", "cmd/ctrl", icons.ARROW_FORWARD_UP),
-        *(Shortcut(f"Camera: {mode.value}", _see(mode), str(key), icon=icons.EYE)
+        Shortcut("Reset", _when("place", Reset()), "R", modifier="shift", icon=icons.REFRESH, confirm=confirm_reset),
+        Shortcut("Undo", _when("history.past", Undo()), "Z", modifier="cmd/ctrl", icon=icons.ARROW_BACK_UP),
+        Shortcut("Redo", _when("history.future", Redo()), "Y", modifier="cmd/ctrl", icon=icons.ARROW_FORWARD_UP),
+        *(Shortcut(f"Camera: {mode.value}", _see(mode), str(key), _chooses_no_obstacle, icon=icons.EYE)
           for key, mode in enumerate(CameraMode, 1)),
+        *(Shortcut(f"Obstacle: {mode.value.lower()}", _handle(mode), str(key), _chooses_obstacle, icon=icons.CUBE,
+                   hint="What the handles of the chosen obstacle do")
+          for key, mode in enumerate(GizmoMode, 1)),
         Shortcut("Compare planners", _when("may_begin", StartComparison()), icon=icons.SCALE,
                  hint="Plan between the same ends with each of them"),
         Shortcut("Compare flights", _compare, icon=icons.HISTORY, hint="Show the last stored flight beside this one"),
@@ -170,6 +178,18 @@ def _when(state: str, command: "Command | InBrowser") -> "Callable[[Session], Co
 
 def _see(mode: CameraMode) -> Callable[[Session], Command | None]:
     return lambda session: Adjust(Settings.VIEW, "camera", mode) if session.view_settings.camera is not mode else None
+
+
+def _handle(mode: GizmoMode) -> Callable[[Session], Command | None]:
+    return lambda session: ChooseMode(mode) if _chooses_obstacle(session) and session.gizmo_mode is not mode else None
+
+
+def _chooses_obstacle(session: Session) -> bool:
+    return session.chosen_obstacle is not None
+
+
+def _chooses_no_obstacle(session: Session) -> bool:
+    return session.chosen_obstacle is None
 
 
 def _open(name: str) -> Callable[[Session], Command | None]:

@@ -10,6 +10,7 @@ from nerfnav_app.page.panels.runs.runs import describe
 from nerfnav_app.page.panels.status.command_palette import InBrowser, entries
 from nerfnav_app.state.actions import Adjust, StartComparison
 from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.obstacles import ChooseMode, GizmoMode, ObstacleKind, new_obstacle
 from nerfnav_app.state.runs import CompareRun
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.run_metadata import StoredRun
@@ -52,6 +53,27 @@ def test_the_flight_that_has_just_ended_is_compared_with_the_one_before_in_its_p
     flown = FlightRecord(ENDS).with_step(flight_step(ENDS, 0))
     session = replace(opened, flight=flown, runs=replace(opened.runs, entries=runs))
     assert ENTRIES["Compare flights"].asks(session) == CompareRun("before")
+
+
+def test_keys_turn_the_handles_of_a_chosen_obstacle_and_else_the_camera(opened: Session) -> None:
+    placed = new_obstacle(ObstacleKind.BOX, "box 1", 0.2, (0.0, 0.0, 0.5))
+    chosen = replace(opened, obstacles=(placed,), chosen=placed.name)
+
+    def commands_by_key(session: Session) -> dict[tuple[str, str | None], list[str]]:
+        keys: dict[tuple[str, str | None], list[str]] = {}
+        for label, entry in ENTRIES.items():
+            if entry.key is not None and entry.has_key(session):
+                keys.setdefault((entry.key, entry.modifier), []).append(label)
+        return keys
+
+    for session, subject in ((opened, "Camera: "), (chosen, "Obstacle: ")):
+        keys = commands_by_key(session)
+        assert all(len(labels) == 1 for labels in keys.values())
+        assert all(keys[str(number), None][0].startswith(subject) for number in (1, 2, 3))
+    assert ENTRIES["Obstacle: turn"].asks(opened) is None
+    turn = ENTRIES["Obstacle: turn"].asks(chosen)
+    assert turn == ChooseMode(GizmoMode.TURN)
+    assert ENTRIES["Obstacle: turn"].asks(after(chosen, turn)) is None
 
 
 def test_a_reset_asks_first() -> None:
