@@ -11,11 +11,16 @@ import torch
 
 # isort: on
 
+from threadpoolctl import threadpool_limits
+
 from nerfnav.core.kernel_cache import cache_folder
 from tests.shape_checks import begin_test
 
 # Tests are many small operations, often beside other busy processes: more threads only wait for each other.
 torch.set_num_threads(1)
+# As in the command (use_one_blas_thread): else numpy's sums, and plans, depend on the number of cores. Plugins of
+# pytest have loaded numpy before, so that its environment variable comes too late.
+threadpool_limits(1, user_api="blas")
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -9,13 +9,15 @@ import torch
 from nerfnav.core.jit import default_threads
 from nerfnav.core.steps import run_steps
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.train import trained_grid
+from nerfnav.field.train import loop, trained_grid
 from nerfnav.field.train.config import TrainConfig
+from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.loop import train
 from nerfnav.field.train.progress import TrainStep
 from nerfnav.field.train.rays import RaySampler
 from nerfnav.field.train.trained_grid import views_of, views_of_nodes
 from nerfnav.geometry.grid import node_positions
+from tests.clock import Clock
 from tests.collected_steps import collect
 from tests.field.fields import BOX, ball, photographs_of_ball
 
@@ -104,6 +106,15 @@ def test_from_the_given_share_on_only_colours_are_learned():
     assert len(fields) > 5
     assert all(torch.equal(field.values[..., 0], fields[0].values[..., 0]) for field in fields)
     assert not torch.equal(fields[0].values[..., 1:], fields[-1].values[..., 1:])
+
+
+def test_a_budget_ends_training_in_time(monkeypatch: pytest.MonkeyPatch):
+    clock = Clock(monkeypatch)
+    clock.slow(GridLearner, "step", lambda *_: 0.02)
+    clock.slow(loop, "evaluate_grid", lambda *_: 0.15)
+    steps, field = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))
+    assert steps[-1].fraction == 1
+    assert 0.8 <= field.info.train_s < 7.0, "finishing has its share of the budget"
 
 
 def test_nodes_that_more_cameras_see_learn_faster():
