@@ -134,7 +134,8 @@ def entries() -> tuple[Shortcut, ...]:
         Shortcut("Reset", _when("place", Reset()), "R", modifier="shift", icon=icons.REFRESH, confirm=confirm_reset),
         Shortcut("Undo", _when("history.past", Undo()), "Z", modifier="cmd/ctrl", icon=icons.ARROW_BACK_UP),
         Shortcut("Redo", _when("history.future", Redo()), "Y", modifier="cmd/ctrl", icon=icons.ARROW_FORWARD_UP),
-        *(Shortcut(f"Camera: {mode.value}", _see(mode), str(key), _chooses_no_obstacle, icon=icons.EYE)
+        *(Shortcut(f"Camera: {mode.value}", _see(mode), str(key), icon=icons.EYE,
+                   has_key=lambda session, key=key: key > len(GizmoMode) or not _chooses_obstacle(session))
           for key, mode in enumerate(CameraMode, 1)),
         *(Shortcut(f"Obstacle: {mode.value.lower()}", _handle(mode), str(key), _chooses_obstacle, icon=icons.CUBE,
                    hint="What the handles of the chosen obstacle do")
@@ -186,10 +187,6 @@ def _handle(mode: GizmoMode) -> Callable[[Session], Command | None]:
 
 def _chooses_obstacle(session: Session) -> bool:
     return session.chosen_obstacle is not None
-
-
-def _chooses_no_obstacle(session: Session) -> bool:
-    return session.chosen_obstacle is None
 
 
 def _open(name: str) -> Callable[[Session], Command | None]:

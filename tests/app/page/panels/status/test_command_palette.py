@@ -70,6 +70,7 @@ def test_keys_turn_the_handles_of_a_chosen_obstacle_and_else_the_camera(opened: 
         keys = commands_by_key(session)
         assert all(len(labels) == 1 for labels in keys.values())
         assert all(keys[str(number), None][0].startswith(subject) for number in (1, 2, 3))
+        assert keys["4", None] == ["Camera: from above"]
     assert ENTRIES["Obstacle: turn"].asks(opened) is None
     turn = ENTRIES["Obstacle: turn"].asks(chosen)
     assert turn == ChooseMode(GizmoMode.TURN)
