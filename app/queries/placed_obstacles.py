@@ -8,7 +8,7 @@ import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field, GridField
-from nerfnav.obstacles import ObstacleSet, require_placeable
+from nerfnav.obstacles import ObstacleSet, find_part, require_placeable
 from nerfnav.planner import planners
 from nerfnav.robots import RigidState
 from nerfnav_app.places.obstacles import find_touched, place_obstacles, take_up
@@ -21,6 +21,7 @@ from nerfnav_app.state.alignment import Vector
 from nerfnav_app.state.obstacles import ObstacleKind, PathPoint, PlacedObstacle, free_name, new_obstacle
 from nerfnav_app.state.place import Click
 from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
 
 _OF_THE_ROBOT = 2.5
 """Size of a new obstacle, in lengths of the robot."""
@@ -100,8 +101,8 @@ class PlacedObstaclesQuery(Query[ObstaclesPlaced]):
 
 
 @dataclass(frozen=True)
-class ObstacleLandingQuery(Query[PlacedObstacle | None]):
-    """Query for a new obstacle where a click points, on the surface that its ray meets; None without one."""
+class ObstacleLandingQuery(Query[PlacedObstacle | str]):
+    """Query for a new obstacle where a click points, on the surface that its ray meets; or why there is none."""
 
     click: Click
     kind: ObstacleKind
@@ -113,30 +114,39 @@ class ObstacleLandingQuery(Query[PlacedObstacle | None]):
         """Ask while an obstacle waits for its click."""
         click = session.clicked
         if click is not None and isinstance(click.which, ObstacleKind):
-            yield cls(click, click.which, free_name(session.obstacles, click.which.value))
+            kind = ObstacleKind.BOX_VOLUME if click.which is ObstacleKind.CLICKED_PART else click.which
+            yield cls(click, click.which, free_name(session.obstacles, kind.value))
 
-    def answer(self, resources: Resources) -> PlacedObstacle | None:
+    def answer(self, resources: Resources) -> PlacedObstacle | str:
         """Let it touch the surface with its side, along the axis that is nearest to the normal there; a volume that
-        selects has its middle there."""
+        selects has its middle there, or is as large as the clicked part."""
         place = resources.place
         met = intersect_ray(place.field, self.click.ray)
         if met is None:
-            return None
+            return f"The click met nothing to put the {self.kind.value} on: click onto a surface."
         size = _OF_THE_ROBOT * max(place.robot.body.extents)
+        if self.kind is ObstacleKind.CLICKED_PART:
+            if not isinstance(place.field, GridField):
+                return "Parts are cut out of fields on a grid: bake this one first, with nerfnav bake."
+            try:
+                part = find_part(place.field, met)
+            except InvalidInputError as error:
+                return sentence(str(error))
+            volume = new_obstacle(self.kind, self.name, size, part.position)
+            return volume.changed(box=part.extents, rotation=(0.0, 0.0, part.yaw))
         center = np.array(met)
         if not self.kind.selects:
             center += 0.5 * size * _side_of(place.field, met, self.click.ray.direction)
         x, y, z = center.round(4).tolist()
         return new_obstacle(self.kind, self.name, size, (x, y, z))
 
-    def apply(self, session: Session, result: PlacedObstacle | None) -> Session:
+    def apply(self, session: Session, result: PlacedObstacle | str) -> Session:
         """Place it, unless another click came."""
         if session.clicked != self.click:
             return session
         done = replace(session, clicked=None)
-        if result is None:
-            text = f"The click met nothing to put the {self.kind.value} on."
-            return add_notice(done, "Nothing there", text, bad=True)
+        if isinstance(result, str):
+            return add_notice(done, "Not placed", result, bad=True)
         return add_obstacle(done, result)
 
 

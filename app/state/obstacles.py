@@ -27,16 +27,17 @@ class ObstacleKind(Enum):
     CYLINDER = "cylinder"
     BOX_VOLUME = "box volume"
     BALL_VOLUME = "ball volume"
+    CLICKED_PART = "clicked part"
 
     @property
     def selects(self) -> bool:
-        """True for volumes that select a part of the field."""
-        return self in (ObstacleKind.BOX_VOLUME, ObstacleKind.BALL_VOLUME)
+        """True for volumes that select a part of the field; that of a clicked part is a box volume around it."""
+        return self in (ObstacleKind.BOX_VOLUME, ObstacleKind.BALL_VOLUME, ObstacleKind.CLICKED_PART)
 
     def entry(self, size: float) -> dict[str, Any]:
         """Entry of a shape as wide, deep and tall as `size` [m]."""
         match self:
-            case ObstacleKind.BOX | ObstacleKind.BOX_VOLUME:
+            case ObstacleKind.BOX | ObstacleKind.BOX_VOLUME | ObstacleKind.CLICKED_PART:
                 return {"box": (size, size, size)}
             case ObstacleKind.SPHERE | ObstacleKind.BALL_VOLUME:
                 return {"sphere": 0.5 * size}

@@ -1,4 +1,6 @@
 from .cut_out import CutOut as CutOut
+from .flood import PartBox as PartBox
+from .flood import find_part as find_part
 from .motions import STILL as STILL
 from .motions import ConstantVelocity as ConstantVelocity
 from .motions import Held as Held

@@ -55,7 +55,7 @@ def test_a_click_lets_an_obstacle_touch_what_its_ray_meets(
 ) -> None:
     click = Click(o.ObstacleKind.BOX, Ray(origin, along))
     found = ObstacleLandingQuery(click, o.ObstacleKind.BOX, "box 1").answer(Resources(PLACE))
-    assert found is not None and found.entry.box is not None
+    assert isinstance(found, o.PlacedObstacle) and found.entry.box is not None
     size = found.entry.box[0]
     assert size == pytest.approx(2.5 * max(PLACE.robot.body.extents))
     middle = np.array([0, 0, 0.3])  # of a ball of 20 cm
@@ -65,7 +65,20 @@ def test_a_click_lets_an_obstacle_touch_what_its_ray_meets(
 
 def test_a_click_into_the_void_places_nothing() -> None:
     click = Click(o.ObstacleKind.BOX, Ray((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
-    assert ObstacleLandingQuery(click, o.ObstacleKind.BOX, "box 1").answer(Resources(PLACE)) is None
+    answer = ObstacleLandingQuery(click, o.ObstacleKind.BOX, "box 1").answer(Resources(PLACE))
+    assert answer == "The click met nothing to put the box on: click onto a surface."
+
+
+def test_a_click_onto_a_part_selects_all_of_it_by_a_box_volume(opened: Session) -> None:
+    kind, ray = o.ObstacleKind.CLICKED_PART, Ray((0.0, 0.0, 2.0), (0.0, 0.0, -1.0))
+    (asked,) = ObstacleLandingQuery.pending(after(opened, m.AimEnd(kind), m.ClickScene(ray)))
+    assert asked.name == "box volume 1"
+    found = asked.answer(Resources(PLACE))
+    assert isinstance(found, o.PlacedObstacle) and found.selects and found.entry.box is not None
+    np.testing.assert_allclose(found.entry.position[:2], 0.0, atol=0.05)
+    assert 0.35 < min(found.entry.box) <= max(found.entry.box) < 0.6, "it holds a ball of 20 cm"
+    air = ObstacleLandingQuery(Click(kind, Ray((0.0, 0.0, 2.0), (0.0, 0.0, 1.0))), kind, "box volume 1")
+    assert isinstance(air.answer(Resources(PLACE)), str)
 
 
 def test_obstacles_are_placed_once_and_taken_out_again(opened: Session) -> None:

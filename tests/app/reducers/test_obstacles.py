@@ -44,8 +44,8 @@ def test_a_click_places_an_obstacle_and_undo_takes_it_away(opened: Session) -> N
 def test_a_click_that_meets_nothing_places_nothing_and_says_so(opened: Session) -> None:
     session = after(opened, m.AimEnd(o.ObstacleKind.SPHERE), m.ClickScene(RAY))
     (asked,) = ObstacleLandingQuery.pending(session)
-    missed = after(session, m.QueryAnswered(asked, None))
-    assert missed.obstacles == () and "met nothing to put the sphere on" in missed.notices[-1].body
+    missed = after(session, m.QueryAnswered(asked, "The click met nothing."))
+    assert missed.obstacles == () and missed.notices[-1].body == "The click met nothing."
 
 
 def test_a_drag_is_one_step_to_undo(opened: Session) -> None:

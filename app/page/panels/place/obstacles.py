@@ -53,7 +53,7 @@ class ObstaclesPanel:
             self._add = gui.add_button_group("Click to add", kinds, hint="Then click into the scene")
             volumes = tuple(kind.value for kind in ObstacleKind if kind.selects)
             self._cut = gui.add_button_group(
-                "Cut out", volumes, hint="Click onto a part of the place: the volume selects what is to be cut out"
+                "Cut out", volumes, hint="Click onto the place: a volume there, or around the part, selects it"
             )
             self._status = gui.add_html("")
             self._list: viser.GuiDropdownHandle[str] = gui.add_dropdown("Obstacle", [_NONE], visible=False)
@@ -189,6 +189,8 @@ def describe(session: Session) -> str:
     """Describe what is wrong with obstacles, or what the next click does, as HTML."""
     if session.drawing is not None:
         return note("Click where it goes next; End path or Esc ends.")
+    if session.aiming is ObstacleKind.CLICKED_PART:
+        return note("Click onto something that stands free.")
     if isinstance(session.aiming, ObstacleKind):
         return note(f"Click into the scene to place the {session.aiming.value}.")
     answered = PlacedObstaclesQuery.result_in(session)
