@@ -1,6 +1,7 @@
 """Fixtures and scheduling of all tests."""
 
 # isort: off
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -48,6 +49,12 @@ _LONG = ("tests/browser/", "tests/test_wheel.py::")
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not item.nodeid.startswith(_LONG))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int | None:
+    """With `-n auto`, one process more than cores: that of the browser tests waits for the browser most of the time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 1 + len(os.sched_getaffinity(0))
 
 
 @pytest.hookimpl(optionalhook=True)
