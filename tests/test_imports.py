@@ -89,7 +89,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("episode", "flight"),
         ("landing", "watching"),
         ("expected_belief",),
-        ("looking",),
+        ("expected_noise", "looking"),
         ("first_plan", "physical", "realtime"),
         ("loop",),
     ),

@@ -6,9 +6,9 @@ from functools import lru_cache
 from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
 from nerfnav.field import UnknownSpace, describe_unproven, planning_field
 from nerfnav.geometry import Camera
-from nerfnav.navigation import WORLDS, WorldName
+from nerfnav.navigation import WORLDS, NavigateConfig, WorldName, expect_noise
 from nerfnav.planner import OccupancyConfig, OccupancyMap, close_holes, explain_unfit, fits
-from nerfnav.robots import RigidState, Robot
+from nerfnav.robots import NoiseModel, RigidState, Robot
 from nerfnav_app.places.place import Place
 
 
@@ -28,6 +28,18 @@ def prepare_route(place: Place, unknown: UnknownSpace, height: float) -> Place:
 def build_occupancy(place: Place, config: OccupancyConfig, height: float) -> OccupancyMap:
     """The map that paths are searched on: of one height [m] for a robot that never leaves it, else of the place."""
     return _map_of(place.field, place.robot.body, config, height if place.robot.planar else None)
+
+
+def expect_noise_in(
+    place: Place, config: NavigateConfig, world: WorldName, unknown: UnknownSpace, maps: OccupancyConfig, height: float
+) -> NoiseModel:
+    """The noise of flights in a place, as plans allow for it: the same whatever obstacles are in it, so that maps of
+    chances are made once; in the physical world, whose robots have an inertial unit, the default."""
+    if world != "paper":
+        return NoiseModel(config.noise)
+    bare = place.without_obstacles()
+    occupancy = build_occupancy(prepare_route(bare, unknown, height), maps, height)
+    return expect_noise(bare.field, occupancy, planning_robot(place.robot, world), config)
 
 
 _close_holes = lru_cache(maxsize=2)(close_holes)

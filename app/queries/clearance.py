@@ -7,12 +7,13 @@ from typing import ClassVar
 import numpy as np
 import torch
 
+from nerfnav.estimator import FilterConfig
 from nerfnav.field import UnknownSpace
-from nerfnav.navigation import WorldName
-from nerfnav.planner import PathDensity, SafetyConfig, count_movers, measure_clearance
+from nerfnav.navigation import NavigateConfig, WorldName
+from nerfnav.planner import OccupancyConfig, PathDensity, SafetyConfig, count_movers, measure_clearance
 from nerfnav.planner.risk.tracking_error import tracking_deviations
 from nerfnav.robots import Motion, NoiseModel, Robot, StateNoise
-from nerfnav_app.places.derived import planning_robot, prepare_place
+from nerfnav_app.places.derived import expect_noise_in, planning_robot, prepare_place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
@@ -147,14 +148,16 @@ class ClearanceQuery(Query[Clearance]):
         context = self.context
         if context is None:
             return Clearance(rows)
-        robot = planning_robot(resources.place.robot, context.world)
-        return Clearance(rows, deviations_along(motion, robot, context.noise))
+        place, height = resources.place, motion.states.position[0, 2].item()
+        config = NavigateConfig(FilterConfig().for_field(place.field.info), context.noise)
+        noise = expect_noise_in(place, config, context.world, self.unknown, OccupancyConfig(), height)
+        return Clearance(rows, deviations_along(motion, planning_robot(place.robot, context.world), noise))
 
 
-def deviations_along(motion: Motion, robot: Robot, noise: StateNoise) -> np.ndarray:
+def deviations_along(motion: Motion, robot: Robot, noise: NoiseModel) -> np.ndarray:
     """Predict standard deviations by noise at the n + 1 states of a motion, level and vertical (n + 1, 2) [m]."""
     with torch.enable_grad():  # the dynamics are differentiated
-        known = tracking_deviations(robot, motion.dt, NoiseModel(noise))
+        known = tracking_deviations(robot, motion.dt, noise)
     first = [(each.level, each.height) for each in known]
     count = len(motion.actions) + 1
     return np.array([first[min(max(index - 1, 0), len(first) - 1)] for index in range(count)])

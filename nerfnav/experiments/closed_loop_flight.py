@@ -41,6 +41,7 @@ from nerfnav.navigation import (
     WorldName,
     build_safe_planner,
     estimate_flight_time,
+    expect_noise,
     navigate,
     use_inertial_unit,
     world_generator,
@@ -59,7 +60,7 @@ from nerfnav.planner import (
     settle_ends,
 )
 from nerfnav.planner.solvers.duration import is_hurried
-from nerfnav.robots import Motion, Quadrotor, RigidState, Robot, StateNoise
+from nerfnav.robots import Motion, NoiseModel, Quadrotor, RigidState, Robot, StateNoise
 from nerfnav.world import Task, contact_check, level_contact_check
 
 KNOWN = StateNoise.isotropic(1e-8)
@@ -231,8 +232,10 @@ def _flight(
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
     again, occupancy = entry.in_flight(settings, trial.risk), _map(arena, problem)
+    expected = not trial.known and trial.world == "paper"  # an inertial unit tells more than pictures
+    noise = expect_noise(arena.field, occupancy, robot, config) if expected else NoiseModel(config.noise)
     planner, safety_filter = build_safe_planner(
-        entry, problem.field, occupancy, problem.robot, settings, config.noise, again,
+        entry, problem.field, occupancy, problem.robot, settings, noise, again,
         movers=None if traffic is None or not traffic.announced else traffic.movers,
     )  # fmt: skip
 

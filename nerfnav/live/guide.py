@@ -41,7 +41,7 @@ from nerfnav.planner import (
     scales_of,
     with_risk,
 )
-from nerfnav.robots import Motion, RigidState, Robot, StateNoise
+from nerfnav.robots import Motion, NoiseModel, RigidState, Robot, StateNoise
 
 _STEP = 0.9
 """Share of a step after which a plan is redone: pictures do not come exactly in time."""
@@ -193,7 +193,8 @@ class Guide:
         occupancy = self.map_at(height)
         if id(occupancy) not in self._pilots:
             self._pilots[id(occupancy)] = build_safe_planner(
-                planners.load("fast"), self.field, occupancy, self.robot, self.config.planning, self.config.noise
+                planners.load("fast"), self.field, occupancy, self.robot, self.config.planning,
+                NoiseModel(self.config.noise),
             )
         return self._pilots[id(occupancy)]
 

@@ -8,6 +8,7 @@ from .episode import is_silent as is_silent
 from .expected_belief import can_expect as can_expect
 from .expected_belief import expect_sigma as expect_sigma
 from .expected_belief import explain_blindness as explain_blindness
+from .expected_noise import expect_noise as expect_noise
 from .fallback import SafetyFilter as SafetyFilter
 from .fallback import build_safe_planner as build_safe_planner
 from .first_plan import estimate_flight_time as estimate_flight_time

@@ -42,7 +42,7 @@ from nerfnav.planner import (
 )
 from nerfnav.planner.risk.collision_map import cached_c_space
 from nerfnav.planner.terms.risk import RISK
-from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot, StateNoise
+from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot
 
 _RESTING_S = 1.0
 """Time after a motion in which movers must not touch the robot that rests at its end [s]."""
@@ -206,7 +206,7 @@ def build_safe_planner(
     occupancy: OccupancyMap,
     robot: Robot,
     settings: PlannerConfig,
-    noise: StateNoise,
+    noise: NoiseModel,
     again: PlannerConfig | None = None,
     terms: tuple[CostTerm, ...] | None = None,
     movers: Movers | None = None,
@@ -214,21 +214,21 @@ def build_safe_planner(
     """Build the planner of a registry entry for a disturbed robot, and its safety filter.
 
     `field` is that which planners see, `occupancy` its map. The first plan weighs risk as the settings `again` of
-    later plans do (None: those of the entry); where they do not weigh it, there is no safety filter. `noise` disturbs
-    the robot in each step; `terms` sum to J, None: all that are registered. Raises InvalidInputError for movers where
-    the planner knows none.
+    later plans do (None: those of the entry); where they do not weigh it, there is no safety filter. `noise` is that of
+    its flights (expected_noise.py); `terms` sum to J, None: all that are registered. Raises InvalidInputError for
+    movers where the planner knows none.
     """
     again = again or entry.again(settings)
-    risk, pushed = again.weights.risk, NoiseModel(noise)
+    risk = again.weights.risk
     planner = entry.planner(field, robot, entry.first_in_flight(settings, again), again, occupancy)
     if isinstance(planner, FieldPlanner):
-        planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms, movers=movers)
+        planner = replace(planner, noise=noise, terms=planner.terms if terms is None else terms, movers=movers)
     if movers is not None and not entry.avoids_movers:
         raise InvalidInputError(
             f"the planner {entry.name!r} knows no obstacles that move: take the planner 'fast', or leave their motions "
             "out"
         )
-    return planner, SafetyFilter(field, robot, pushed, movers=movers) if risk else None
+    return planner, SafetyFilter(field, robot, noise, movers=movers) if risk else None
 
 
 def come_to_rest(

@@ -39,7 +39,13 @@ from nerfnav.planner import (
 from nerfnav.robots import Motion, NoiseModel
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import PlanRisk, mesh_overlap_m3, save, summary_of
-from nerfnav_app.places.derived import build_occupancy, explain_unfit_in, planning_robot, prepare_route
+from nerfnav_app.places.derived import (
+    build_occupancy,
+    expect_noise_in,
+    explain_unfit_in,
+    planning_robot,
+    prepare_route,
+)
 from nerfnav_app.places.ends import EndRole, Ends
 from nerfnav_app.places.ground import describe_move, put_on_ground
 from nerfnav_app.places.obstacles import put_down
@@ -173,9 +179,9 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
     """Estimate the risk of a flight of the request by its plan."""
     field = prepare_route(place, request.unknown, request.height).field
-    flight, robot = request.flight, planning_robot(place.robot, request.world)
+    noise, robot = noise_of(request, place), planning_robot(place.robot, request.world)
     probability = collision_probability(
-        field, robot, motion, NoiseModel(flight.noise), flight.goal_tolerance_m, movers=place.announced_movers
+        field, robot, motion, noise, request.flight.goal_tolerance_m, movers=place.announced_movers
     )
     return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
 
@@ -222,9 +228,17 @@ def make_planner(
     planning = prepare_route(place, request.unknown, request.height)
     return build_safe_planner(
         planners.load(request.planner), planning.field, occupancy or _map_for(request, place),
-        planning_robot(place.robot, request.world), request.settings, request.flight.noise, request.replan_settings,
-        movers=place.announced_movers,
+        planning_robot(place.robot, request.world), request.settings, noise_of(request, place),
+        request.replan_settings, movers=place.announced_movers,
     )  # fmt: skip
+
+
+def noise_of(request: PlanRequest, place: Place) -> NoiseModel:
+    """Return the noise of the request's flight, as its plans allow for it."""
+    config = configure_flight(request, place)
+    if not request.flight_settings.weights.risk:
+        return NoiseModel(config.noise)
+    return expect_noise_in(place, config, request.world, request.unknown, request.settings.occupancy, request.height)
 
 
 def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
@@ -251,7 +265,7 @@ def _plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
     )
     problem = PlanProblem(
         planning.field, robot, route.start, route.goal, route.steps, route.dt,
-        noise=NoiseModel(request.flight.noise), movers=place.announced_movers,
+        noise=noise_of(request, place), movers=place.announced_movers,
     )  # fmt: skip
     settings = request.flight_settings
     longest_dt = request.dt if request.keep_dt else None

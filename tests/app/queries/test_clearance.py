@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.estimator import FilterConfig
+from nerfnav.field import UnknownSpace
+from nerfnav.navigation import NavigateConfig
 from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.obstacles import ConstantVelocity, Obstacle, ObstacleSet, Sphere
+from nerfnav.planner import OccupancyConfig
 from nerfnav.planner.risk.tracking_error import tracking_deviations
-from nerfnav.robots.noise import NoiseModel
 from nerfnav_app.jobs.events import JobFinished
+from nerfnav_app.places.derived import expect_noise_in
 from nerfnav_app.places.obstacles import place_obstacles
 from nerfnav_app.queries.clearance import ClearanceQuery, deviations_along, find_shown_motion
 from nerfnav_app.queries.query import Resources
@@ -101,8 +105,12 @@ def test_the_timeline_shows_the_motion_of_its_time(opened: Session) -> None:
 def test_room_for_noise_is_that_of_the_tracking_error_and_the_paper_keeps_none(opened: Session) -> None:
     session = planned(opened)
     asked = asked_in(session)
-    noise, motion = session.flight_settings.noise, asked.shown.motion
-    known = tracking_deviations(PLACE.robot, motion.dt, NoiseModel(noise))
+    motion = asked.shown.motion
+    config = NavigateConfig(FilterConfig().for_field(PLACE.field.info), session.flight_settings.noise)
+    height = motion.states.position[0, 2].item()
+    noise = expect_noise_in(PLACE, config, "paper", UnknownSpace.OCCUPIED, OccupancyConfig(), height)
+    assert noise.estimate.position_m > 0.01, "three balls tell more than they can"
+    known = tracking_deviations(PLACE.robot, motion.dt, noise)
     deviations = asked.answer(Resources(PLACE)).deviations
     assert deviations is not None and deviations.shape == (9, 2)
     np.testing.assert_allclose(deviations, deviations_along(motion, PLACE.robot, noise))
