@@ -120,10 +120,10 @@ def _settle(
             break
         predicted = by_state @ covariance @ by_state.T + noise
         pose = turned @ predicted[POSE][:, POSE] @ turned.T
-        told = expected_information(view, Pose(rotation, place), pose, config, draws)
-        told = turned.T @ told @ turned
+        information = expected_information(view, Pose(rotation, place), pose, config, draws)
+        information = turned.T @ information @ turned
         for _ in range(_STEPS):
             predicted = by_state @ covariance @ by_state.T + noise
-            hessian = 2 * add_information(torch.zeros(3), precision(predicted), told)
+            hessian = 2 * add_information(torch.zeros(3), precision(predicted), information)
             covariance = posterior_covariance(hessian, predicted)[0] + floor
     return covariance

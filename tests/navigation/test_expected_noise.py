@@ -77,8 +77,8 @@ def test_the_covariance_is_that_of_a_filter_at_rest(yaw: float) -> None:
     for step in range(24):
         predicted = predict(belief, action, ROBOT, 0.1, known.noise).covariance
         if step % 12 == 0:
-            told = expected_information(view, pose, predicted[POSE][:, POSE], known.filter, draws)
-        hessian = 2 * add_information(torch.zeros(3), precision(predicted), told)
+            information = expected_information(view, pose, predicted[POSE][:, POSE], known.filter, draws)
+        hessian = 2 * add_information(torch.zeros(3), precision(predicted), information)
         belief = Belief(state, posterior_covariance(hessian, predicted)[0] + floor)
     expected, own = belief.covariance.diagonal(), found.diagonal()
     assert own[:3].sum().sqrt() == pytest.approx(expected[:3].sum().sqrt().item(), rel=0.05)
