@@ -22,6 +22,7 @@ from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import RiskContext, tracking_deviations
 from nerfnav.planner.solvers.chance_constraint import enforce_chance_constraint, estimate_risk
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.solvers.warm_start import replan_from
 from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep
@@ -302,3 +303,51 @@ def test_where_noise_makes_every_path_too_risky_the_plan_says_so_and_is_the_leas
         run_steps(enforce_chance_constraint(calm, planned(calm, CAREFUL), CAREFUL, 0.05)).outcome
         is PlanOutcome.CONVERGED
     )
+
+
+def near_ground(height: float) -> PlanProblem:
+    """A robot 30 cm above its goal, which is at a height [m] where noise may push it into the ground."""
+    start, goal = RigidState.at_rest((0.0, 0.0, height + 0.3)), RigidState.at_rest((0.0, 0.0, height))
+    return PlanProblem(Lawn(BOX), ROBOT, start, goal, 6, DT)
+
+
+def test_a_robot_in_noise_comes_down_to_a_goal_at_which_noise_may_push_it_into_the_ground() -> None:
+    problem, noise, draws = near_ground(0.16), StateNoise(), torch.Generator().manual_seed(0)
+    chances = CollisionMap.of(problem.field, ROBOT, problem.risk_context)
+    assert 0.05 < chances._chance_at((0.0, 0.0, 0.16, 0.0)) < 0.5
+    state, last, heights = problem.start, run_steps(plan_fast(problem, CAREFUL)).motion, []
+    for _ in range(60):
+        state = ROBOT.step(state, last.actions[0], DT).retract(noise.sample(draws))
+        last = run_steps(replan_from(replace(problem, start=state), last, 1, CAREFUL)).motion
+        heights.append(state.position[2].item() - 0.16)
+    assert -0.02 < np.mean(heights[15:]) < 0.06, np.mean(heights[15:])
+
+
+def test_chances_up_to_that_at_the_goal_count_as_none_where_the_arrival_is_put_off() -> None:
+    problem = near_ground(0.16)
+    late = replace(problem, overdue=True)
+    assert problem.risk_context.end is None
+    assert late.risk_context.end == pytest.approx((0.0, 0.0, 0.16, 0.0))
+    down = straight_motion((0.0, 0.0, 0.46), (0.0, 0.0, 0.16), 6)
+    lower = straight_motion((0.0, 0.0, 0.16), (0.0, 0.0, 0.13), 6)
+    assert risk(problem.context(CAREFUL.weights), down) > 0
+    assert risk(late.context(CAREFUL.weights), down) == pytest.approx(0, abs=1e-6)
+    assert risk(late.context(CAREFUL.weights), lower) > 0
+
+
+@pytest.mark.parametrize("robot", [ROBOT, PLANK], ids=["square", "long"])
+def test_the_compiled_term_counts_chances_above_that_at_the_goal_as_the_reference_does(robot: Quadrotor) -> None:
+    problem = PlanProblem(room(), robot, START, GOAL, STEPS, DT, overdue=True)
+    chances, middle = CollisionMap.of(problem.field, robot, problem.risk_context), torch.zeros(3)
+    ways = [GOAL.position + share * (middle - GOAL.position) for share in torch.linspace(0, 1, 40)]
+    near = next(way for way in ways if chances._chance_at((*way.tolist(), 0.0)) > 0.05)
+    problem = replace(problem, goal=replace(GOAL, position=near))
+    j, free = Objective(problem.context(WEIGHED), problem.route, terms.list_terms()), guess(0.02)
+    ends = START.to(torch.float64), problem.goal.to(torch.float64)
+    at = torch.from_numpy(free).requires_grad_()
+    found = problem.cost(robot.motion(at, *ends, STEPS, DT), WEIGHED)
+    here = j(free)
+    assert j.fused is not None and here.cost.risk > 0.1
+    assert here.cost.risk == pytest.approx(found.numbers().risk, rel=1e-6)
+    (gradient,) = torch.autograd.grad(found.total, at)
+    np.testing.assert_allclose(here.gradient, gradient, rtol=1e-4, atol=1e-5 * gradient.abs().max().item())

@@ -134,9 +134,9 @@ def _between(chances, i, j, k, x, y, z):
 
 @kernel()
 def interpolate_chance(grid, step, x, y, z, heading):
-    """Interpolate the chance at a point of the world with a heading in a step, its gradient [1/m], and by the
-    heading [1/rad]."""
-    layers, lower, per_meter = grid
+    """Interpolate the chance above the accepted one at a point of the world with a heading in a step, its gradient
+    [1/m], and by the heading [1/rad]."""
+    layers, lower, per_meter, accepted = grid
     chances = layers[min(step, layers.shape[0] - 1)]
     headings, nx, ny, nz = chances.shape
     x, y, z = (x - lower[0]) * per_meter[0], (y - lower[1]) * per_meter[1], (z - lower[2]) * per_meter[2]
@@ -146,15 +146,19 @@ def interpolate_chance(grid, step, x, y, z, heading):
     x, y, z = x - i, y - j, z - k
     if headings == 1:
         chance, gx, gy, gz = _between(chances[0], i, j, k, x, y, z)
-        return chance, per_meter[0] * gx, per_meter[1] * gy, per_meter[2] * gz, 0.0
+        if chance <= accepted:
+            return 0.0, 0.0, 0.0, 0.0, 0.0
+        return chance - accepted, per_meter[0] * gx, per_meter[1] * gy, per_meter[2] * gz, 0.0
     at = heading / math.pi % 1.0 * headings
     below = min(int(at), headings - 1)
     rest, above = at - below, (below + 1) % headings
     first, ax, ay, az = _between(chances[below], i, j, k, x, y, z)
     second, bx, by, bz = _between(chances[above], i, j, k, x, y, z)
     gx, gy, gz = ax + rest * (bx - ax), ay + rest * (by - ay), az + rest * (bz - az)
-    by_heading = (second - first) * headings / math.pi
-    return first + rest * (second - first), per_meter[0] * gx, per_meter[1] * gy, per_meter[2] * gz, by_heading
+    chance, by_heading = first + rest * (second - first), (second - first) * headings / math.pi
+    if chance <= accepted:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    return chance - accepted, per_meter[0] * gx, per_meter[1] * gy, per_meter[2] * gz, by_heading
 
 
 @kernel()

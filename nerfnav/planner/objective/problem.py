@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import Field
+from nerfnav.geometry import so3
 from nerfnav.planner import terms
 from nerfnav.planner.moving.movers import Movers
 from nerfnav.planner.moving.timing import PathTiming, time_along
@@ -99,7 +100,8 @@ class PlanProblem:
         apart = (self.goal.position - self.start.position).norm().item()
         pace = max(apart, self.robot.body.radius) / self.steps if self.overdue else None
         height = self.start.position[2].item() if self.robot.planar else None
-        return RiskContext(self.risk_dt or self.dt, self.noise, pace, height)
+        end = (*self.goal.position.tolist(), so3.yaw_of(self.goal.rotation).item()) if self.overdue else None
+        return RiskContext(self.risk_dt or self.dt, self.noise, pace, height, end)
 
     def trajectory_through(self, waypoints: Float[Tensor, "times 4"]) -> Trajectory:
         """Follow waypoints (x, y, z [m], yaw [rad]) as nearly as ends and dynamics allow."""

@@ -43,6 +43,10 @@ class RiskContext:
     """
     height: float | None = None
     """Height of a robot that never leaves it [m]."""
+    end: tuple[float, float, float, float] | None = None
+    """End of the plan, position [m] and heading [rad], for plans whose arrival is put off: chances up to that at the
+    end count as none. Noise keeps pushing the robot off the straight way to it, and by a detour through safe space in
+    each plan it would hover beside a goal near a wall or a floor, and never arrive. None: all chances count."""
 
 
 PAPER_RISK_CONTEXT = RiskContext()

@@ -8,7 +8,8 @@ taken.
 
 When the arrival is put off at each step (a receding horizon that has reached its shortest), a sum over steps would be
 least for a robot that waits outside of a strait for ever. There the same counts by distance, sum_t c_t s_t / pace,
-with s_t the length of the step: waiting neither costs nor helps.
+with s_t the length of the step: waiting neither costs nor helps. Chances up to that at the goal count as none there
+(see `RiskContext.end`): the robot has to go there.
 
 It is a cost, and no probability: what is near counts anew in each step. risk/probability.py has the probability.
 """
@@ -41,7 +42,8 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     first = len(chances.chances) - 1  # steps of their own chances
     steps = [*along[..., :first, :, :].unbind(-3), along[..., first:, :, :]]
     headings = [*turned[..., :first, :].unbind(-2), turned[..., first:, :]]
-    found = [_chance(chances, step, *at) for step, at in enumerate(zip(steps, headings, strict=True))]
+    grid = chances.grid(context.risk_context)
+    found = [_chance(grid, step, *at) for step, at in enumerate(zip(steps, headings, strict=True))]
     chance = torch.cat([part.reshape(*along.shape[:-3], -1, parts) for part in found], -2).mean(-1)
     if pace is not None:
         chance = chance * (moved.square().sum(-1) + kernels.STANDSTILL).sqrt() / pace
@@ -49,10 +51,10 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
 
 
 def _chance(
-    chances: CollisionMap, step: int, points: Float[Tensor, "*batch 3"], headings: Float[Tensor, "*batch"]
+    grid: ChanceGrid, step: int, points: Float[Tensor, "*batch 3"], headings: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch"]:
     """Interpolate c_t at points of the world [m] with headings [rad]."""
-    layers, lower, per_meter = (torch.from_numpy(part).to(points) for part in chances.parts)
+    layers, lower, per_meter = (torch.from_numpy(part).to(points) for part in grid[:3])
     layer = layers[min(step, len(layers) - 1)]
     count, last = len(layer), torch.tensor(layer.shape[1:]).to(points) - 1
     at = (points - lower) * per_meter
@@ -62,6 +64,7 @@ def _chance(
     below = turn.detach().long().clamp_max(count - 1)
     first, second = (found.reshape(count, -1).gather(0, index % count)[0] for index in (below, below + 1))
     chance = (first + (turn - below)[0] * (second - first)).reshape(headings.shape)
+    chance = (chance - grid[3]).clamp_min(0)
     inside = ((at >= 0) & (at <= last)).all(-1)
     return torch.where(inside, chance, torch.zeros_like(at[..., 0]))
 
@@ -71,7 +74,7 @@ def chance_grid_of(context: TermContext) -> tuple[ChanceGrid, float]:
     if context.weights.risk == 0:
         return NO_CHANCE, 0.0
     pace = context.risk_context.pace
-    grid = CollisionMap.of(context.field, context.robot, context.risk_context).parts
+    grid = CollisionMap.of(context.field, context.robot, context.risk_context).grid(context.risk_context)
     return grid, 0.0 if pace is None else 1 / pace
 
 

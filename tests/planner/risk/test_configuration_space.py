@@ -116,14 +116,14 @@ def test_the_chance_of_a_long_body_goes_by_its_heading():
     chances = CollisionMap.of(block((0.2, 0.4, 0.4)), robot, replace(PUSHED, height=0.0))
     wall = 0.2  # its surface, along y
     for gap, heading in ((0.08, math.pi / 2), (0.18, 0.0)):  # from the middle: half of the body, and 3 cm
-        found = interpolate_chance(chances.parts, 9, wall + gap, 0.0, 0.0, heading)[0]
+        found = interpolate_chance(chances.grid(PUSHED), 9, wall + gap, 0.0, 0.0, heading)[0]
         assert found == pytest.approx(0.5 * math.erfc(0.03 / 0.04 / math.sqrt(2)), abs=0.05)
     across, along = (
-        interpolate_chance(chances.parts, 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2)
+        interpolate_chance(chances.grid(PUSHED), 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2)
     )
     assert across > 0.8 and along < 0.2
     turned = [
-        interpolate_chance(chances.parts, 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0]
+        interpolate_chance(chances.grid(PUSHED), 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0]
         for turn in (math.pi, -math.tau)
     ]
     assert turned == pytest.approx([along, along])
