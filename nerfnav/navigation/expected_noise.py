@@ -65,7 +65,7 @@ def expect_noise(
     return expected if error > _MORE * usual_error else usual
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def _expect_deviations(
     view: View, occupancy: OccupancyMap, robot: Robot, config: FilterConfig, process: ProcessNoise, dt: float
 ) -> tuple[float, float, float, float] | None:
