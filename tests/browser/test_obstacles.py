@@ -153,6 +153,10 @@ def test_a_plan_and_a_flight_let_a_box_pass_whose_path_was_drawn_across_the_way(
     for name in ("position_noise_m", "attitude_noise_rad"):  # so that a filter of few iterations keeps up
         app.post(Adjust(Settings.FLIGHT, name, 0.002))
     box = add_box(tab, TOP_OF_BALL)
+    assert box.entry.box is not None
+    wide, deep, high = box.entry.box
+    app.post(ChangeObstacle(box.name, box.changed(box=(1.6 * wide, 1.6 * deep, high))))  # else it comes too late
+    tab.until_shown()
     tab.press("obstacles.draw")
     tab.until(lambda: app.session.drawing is not None, "the page does not wait for way points")
     here, way = np.array(box.entry.position), first.states.position[len(first.actions) // 2].numpy()
