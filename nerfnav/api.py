@@ -53,8 +53,9 @@ def plan(
 ) -> PlanResult:
     """Plan the trajectory with which `fly` begins, by the fast planner.
 
-    By default it minimises paper Eq. 2 with the risk of the problem's noise, and turns to where the robot's camera
-    sees something. With a `config` it minimises J by the weights of that alone: `FastPlanConfig()` is paper Eq. 2.
+    By default it minimises paper Eq. 2 with the risk of the problem's noise (where that is the paper's, with the error
+    of the estimate that the field's pictures leave), and turns to where the robot's camera sees something.
+    With a `config` it minimises J by the weights of that alone: `FastPlanConfig()` is paper Eq. 2.
 
     The problem gives the duration, by default the paper's 2 s. With the duration "auto", the shortest plan is found
     that keeps the robot's limits (see planner/solvers/duration.py), as places of other sizes need it. Space that no

@@ -96,10 +96,17 @@ def expect_beliefs(motion: Motion, robot: Robot, view: View, config: NavigateCon
             if index % every == 0:
                 pose = predicted[POSE][:, POSE]
                 information = expected_information(view, belief.mean.pose, pose, config.filter, draws)
-            hessian = 2 * add_information(torch.zeros(3), precision(predicted), information)
-            belief = Belief(belief.mean, posterior_covariance(hessian, predicted)[0] + floor)
+            belief = Belief(belief.mean, add_picture(predicted, information, floor))
         beliefs.append(belief)
     return beliefs
+
+
+def add_picture(
+    predicted: Float[Tensor, "12 12"], information: Float[Tensor, "6 6"], floor: Float[Tensor, "12 12"]
+) -> Float[Tensor, "12 12"]:
+    """Return the covariance of the filter after a picture: (Sigma-^-1 + H)^-1 + F."""
+    hessian = 2 * add_information(torch.zeros(3), precision(predicted), information)
+    return posterior_covariance(hessian, predicted)[0] + floor
 
 
 def expect_remainder(

@@ -18,13 +18,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator import FilterConfig
-from nerfnav.estimator.core.belief import POSE, add_information, posterior_covariance
+from nerfnav.estimator.core.belief import POSE
 from nerfnav.estimator.gauss_newton.expected_information import expected_information
-from nerfnav.estimator.paper.cost import precision
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field
 from nerfnav.geometry import Pose, so3
-from nerfnav.navigation.expected_belief import can_expect
+from nerfnav.navigation.expected_belief import add_picture, can_expect
 from nerfnav.navigation.flight import NavigateConfig
 from nerfnav.navigation.gyroscopes import measured_noise
 from nerfnav.planner import OccupancyMap
@@ -124,6 +123,5 @@ def _settle(
         information = turned.T @ information @ turned
         for _ in range(_STEPS):
             predicted = by_state @ covariance @ by_state.T + noise
-            hessian = 2 * add_information(torch.zeros(3), precision(predicted), information)
-            covariance = posterior_covariance(hessian, predicted)[0] + floor
+            covariance = add_picture(predicted, information, floor)
     return covariance

@@ -55,16 +55,20 @@ def find_part(field: GridField, click: Vector) -> PartBox:
     reach = _REACH * spacing
     first = np.ceil((np.maximum(low, at - reach) - low) / spacing - 1e-6).astype(int)
     last = np.floor((np.minimum(high, at + reach) - low) / spacing + 1e-6).astype(int)
-    axes = [low[axis] + spacing[axis] * np.arange(first[axis], last[axis] + 1) for axis in range(3)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
-    solid = density_at(field, points.reshape(-1, 3)).reshape(points.shape[:3]) > field.solid_density
-    part, support = _flood(solid, _nearest(solid, (at - points[0, 0, 0]) / spacing))
+    lower, counts = low + spacing * first, last - first + 1
+    layer = np.stack(np.meshgrid([0], *map(np.arange, counts[1:]), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
+    solid = np.empty(counts, bool)
+    for x in range(counts[0]):  # one by one: all at once would take a gigabyte
+        density = density_at(field, layer + np.array([x * spacing[0], 0, 0]))
+        solid[x] = (density > field.solid_density).reshape(counts[1:])
+    part, support = _flood(solid, _nearest(solid, (at - lower) / spacing))
     if part[[0, -1]].any() or part[:, [0, -1]].any():
         raise InvalidInputError(
             f"what is clicked goes on beyond the place, or for more than {reach[:2].min():.1f} m, as a wall or a floor "
             "does: click onto something that stands free, or select by a box volume"
         )
-    return _box_around(points[part], spacing, None if support < 0 else float(axes[2][support]))
+    height = None if support < 0 else float(lower[2] + spacing[2] * support)
+    return _box_around(lower + spacing * np.argwhere(part), spacing, height)
 
 
 def _nearest(solid: Bool[np.ndarray, "x y z"], at: np.ndarray) -> tuple[int, int, int]:

@@ -212,14 +212,19 @@ def test_a_stone_that_is_cut_out_leaves_unproven_space_until_that_is_allowed(ser
     app = serve(NavigationBackend(runs=None), what="stonehenge")
     tab = open_tab(app)
     tab.until(lambda: app.session.surface is not None, "no surface is shown", 120)
-    tab.press("obstacles.cut", "clicked part")
-    tab.until(lambda: isinstance(app.session.aiming, ObstacleKind), "the page does not wait for a click")
-    tab.click_at((float(STONE[0]), float(STONE[1]), float(STONE[2])))
-    tab.until(lambda: bool(app.session.obstacles), "no volume was placed")
-    volume = app.session.obstacles[0]
-    assert volume.selects and app.session.placed_obstacles is None
-    np.testing.assert_allclose(volume.entry.box, (0.42, 1.47, 0.43), atol=0.06)  # its lintels join it to others
     x, y, z = STONE.tolist()
+    for kind in ("clicked part", "box volume"):
+        tab.press("obstacles.cut", kind)
+        tab.until(lambda: isinstance(app.session.aiming, ObstacleKind), "the page does not wait for a click")
+        tab.click_at((x, y, z))
+        tab.until(lambda: bool(app.session.obstacles), "no volume was placed")
+        volume = app.session.obstacles[0]
+        assert volume.selects and app.session.placed_obstacles is None
+        if kind == "clicked part":
+            np.testing.assert_allclose(volume.entry.box, (0.42, 1.47, 0.43), atol=0.06)  # its lintels join it to others
+            tab.key("Control+z")
+            tab.until(lambda: app.session.obstacles == (), "the volume is not taken back")
+            tab.until_shown()
     app.post(ChangeObstacle(volume.name, volume.changed(box=(0.24, 0.24, 0.33), position=(x, y, z))))
     tab.until_shown()
     tab.press("obstacles.separate")

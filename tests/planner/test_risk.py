@@ -314,7 +314,7 @@ def near_ground(height: float) -> PlanProblem:
 def test_a_robot_in_noise_comes_down_to_a_goal_at_which_noise_may_push_it_into_the_ground() -> None:
     problem, noise, draws = near_ground(0.16), StateNoise(), torch.Generator().manual_seed(0)
     chances = CollisionMap.of(problem.field, ROBOT, problem.risk_context)
-    assert 0.05 < chances._chance_at((0.0, 0.0, 0.16, 0.0)) < 0.5
+    assert 0.05 < chances.grid(RiskContext(end=(0.0, 0.0, 0.16, 0.0)))[3] < 0.5
     state, last, heights = problem.start, run_steps(plan_fast(problem, CAREFUL)).motion, []
     for _ in range(60):
         state = ROBOT.step(state, last.actions[0], DT).retract(noise.sample(draws))
@@ -340,7 +340,7 @@ def test_the_compiled_term_counts_chances_above_that_at_the_goal_as_the_referenc
     problem = PlanProblem(room(), robot, START, GOAL, STEPS, DT, overdue=True)
     chances, middle = CollisionMap.of(problem.field, robot, problem.risk_context), torch.zeros(3)
     ways = [GOAL.position + share * (middle - GOAL.position) for share in torch.linspace(0, 1, 40)]
-    near = next(way for way in ways if chances._chance_at((*way.tolist(), 0.0)) > 0.05)
+    near = next(way for way in ways if chances.grid(RiskContext(end=(*way.tolist(), 0.0)))[3] > 0.05)
     problem = replace(problem, goal=replace(GOAL, position=near))
     j, free = Objective(problem.context(WEIGHED), problem.route, terms.list_terms()), guess(0.02)
     ends = START.to(torch.float64), problem.goal.to(torch.float64)

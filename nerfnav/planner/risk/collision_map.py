@@ -63,14 +63,19 @@ class CollisionMap:
 
     def grid(self, context: RiskContext) -> ChanceGrid:
         """Return the grid as kernels take it, for plans in a context."""
-        accepted = 0.0 if context.end is None else self._chance_at(context.end)
+        accepted = 0.0 if context.end is None else kernels.interpolate_chance(self._late, 0, *context.end)[0]
         return self.chances, self.lower, self.per_meter, accepted
+
+    @property
+    def _late(self) -> ChanceGrid:
+        """Chances of late steps, once noise has grown."""
+        return self.chances[-1:], self.lower, self.per_meter, 0.0
 
     def gradient_at(self, state: RigidState) -> Float[np.ndarray, "3"]:
         """Differentiate the chance of late steps, once noise has grown, by the position of a state [1/m]."""
         position, rotation = (np.repeat(part.double().numpy()[None], 2, 0) for part in (state.position, state.rotation))
-        gradient, grid = np.zeros((2, 3)), (self.chances[-1:], self.lower, self.per_meter, 0.0)
-        kernels.risk(position, rotation, np.array([0.5]), grid, 0.0, 1.0, gradient, np.zeros((2, 3)))
+        gradient = np.zeros((2, 3))
+        kernels.risk(position, rotation, np.array([0.5]), self._late, 0.0, 1.0, gradient, np.zeros((2, 3)))
         return gradient.sum(0)
 
     def sample_voxels(self, occupancy: OccupancyMap) -> Float[np.ndarray, "m nx ny nz"]:
@@ -84,13 +89,6 @@ class CollisionMap:
         ]
         turned = [self._turn(turn / count) for turn in range(count)] if count > 1 else [self.chances[-1].min(0)]
         return np.stack([_interpolate(chances, axes) for chances in turned])
-
-    def _chance_at(self, end: tuple[float, float, float, float]) -> float:
-        """Interpolate the chance of late steps at a position [m] and a heading [rad]; 0 outside the grid."""
-        at = (np.array(end[:3]) - self.lower) * self.per_meter
-        if not ((at >= 0) & (at <= np.array(self.chances.shape[2:]) - 1)).all():
-            return 0.0
-        return float(_interpolate(self._turn(end[3] / math.pi % 1), [at[axis : axis + 1] for axis in range(3)]).item())
 
     def _turn(self, share: float) -> Float[np.ndarray, "nx ny nz"]:
         """Interpolate the last chances at a heading, in shares of half a turn below 1."""
