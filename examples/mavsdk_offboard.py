@@ -38,9 +38,10 @@ async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
                     round(1e6 * taken), vision.PositionBody(y, x, -z), vision.AngleBody(roll, pitch, yaw),
                     vision.Covariance([math.nan]),
                 ))  # fmt: skip
-            setpoint = answer.guidance and answer.guidance.at(time.time())
-            guidance = answer.guidance and f"{answer.guidance.order.value}: {answer.guidance.reason}"
-            print(f"{answer.status}, {answer.latency_ms:.0f} ms, {guidance}")
+            guidance = answer.guidance_at(now := time.time())
+            setpoint = guidance and guidance.at(now)
+            order = guidance and f"{guidance.order.value}: {guidance.reason}"
+            print(f"{answer.status}, {answer.latency_ms:.0f} ms, {order}")
             if setpoint is None:
                 if offboard:
                     await drone.action.hold()
@@ -54,7 +55,7 @@ async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
             if not offboard:
                 await drone.offboard.start()
                 offboard = True
-            if answer.guidance and answer.guidance.order is Order.ARRIVED:
+            if guidance and guidance.order is Order.ARRIVED:
                 return
 
 

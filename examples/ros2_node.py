@@ -27,8 +27,10 @@ def main(address: str, goal: Goal, topic: str) -> None:
     trajectories = node.create_publisher(MultiDOFJointTrajectory, "command/trajectory", 10)
 
     def on_image(image: Image) -> None:
+        now = lambda: 1e-9 * node.get_clock().now().nanoseconds  # noqa: E731
         time = image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec
-        answer = live.see(decode_image_message(image).numpy(), time, goal, 1e-9 * node.get_clock().now().nanoseconds)
+        answer = live.see(decode_image_message(image).numpy(), time, goal, now())
+        guidance = answer.guidance_at(now())
         if answer.position and answer.quaternion and answer.covariance:
             stamped = PoseWithCovarianceStamped()
             stamped.header.stamp, stamped.header.frame_id = image.header.stamp, "map"
@@ -38,7 +40,7 @@ def main(address: str, goal: Goal, topic: str) -> None:
             estimates.publish(stamped)
         command = MultiDOFJointTrajectory()  # without points: hold
         command.header.stamp, command.header.frame_id = image.header.stamp, "map"
-        for setpoint in answer.guidance.setpoints if answer.guidance else ():
+        for setpoint in guidance.setpoints if guidance else ():
             pose, moves, pushed = Transform(), Twist(), Twist()
             at, turned = pose.translation, pose.rotation
             (at.x, at.y, at.z), (turned.w, turned.z) = setpoint.position, setpoint.half_turn
@@ -49,8 +51,8 @@ def main(address: str, goal: Goal, topic: str) -> None:
                 transforms=[pose], velocities=[moves], accelerations=[pushed], time_from_start=after
             ))  # fmt: skip
         trajectories.publish(command)
-        guidance = "" if answer.guidance is None else f"{answer.guidance.order.value}: {answer.guidance.reason}"
-        node.get_logger().info(f"{answer.status}, {answer.latency_ms:.0f} ms, {guidance}")
+        order = "" if guidance is None else f"{guidance.order.value}: {guidance.reason}"
+        node.get_logger().info(f"{answer.status}, {answer.latency_ms:.0f} ms, {order}")
 
     node.create_subscription(Image, topic, on_image, 1)  # one in the queue: old pictures are dropped
     rclpy.spin(node)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 Vector = tuple[float, float, float]
+OLDEST_S = 0.5
+"""Age of a picture from which on nothing is planned from it, and no plan from it is begun [s]."""
 
 
 class Order(Enum):
@@ -132,6 +134,14 @@ class Answer:
     """Pictures since the last answer that were never looked at, for newer ones had come."""
     camera_check: CameraCheck | None = None
     """Comparison of the camera with the field; None until enough pictures were followed."""
+
+    def guidance_at(self, now: float) -> Guidance | None:
+        """Return the guidance at a time of the vehicle's clock [s], at which the answer is there: HOLD where its
+        picture is more than OLDEST_S old. A vehicle that waited so long is not where the plan would have it by now."""
+        age = now - self.time
+        if self.guidance is None or age <= OLDEST_S:
+            return self.guidance
+        return Guidance(Order.HOLD, f"the answer comes {age:.2f} s after its picture: at most {OLDEST_S:g} s are safe")
 
     @property
     def latency_ms(self) -> float:

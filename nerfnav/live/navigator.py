@@ -29,7 +29,7 @@ from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, FastFilter
 from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
-from nerfnav.live.answer import Answer, CameraCheck, Goal, Guidance, Order
+from nerfnav.live.answer import OLDEST_S, Answer, CameraCheck, Goal, Guidance, Order
 from nerfnav.live.clock import Stamp, VehicleClock, format_stamp
 from nerfnav.live.guide import Guide, GuideConfig
 from nerfnav.live.messages import Picture
@@ -70,7 +70,7 @@ class LiveConfig:
     field is used."""
     guide: GuideConfig = dataclass_field(default_factory=GuideConfig)
     """How it is guided."""
-    oldest_s: float = 0.5
+    oldest_s: float = OLDEST_S
     """Age from which on nothing is planned from a picture [s]."""
 
 

@@ -11,9 +11,8 @@ from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
-from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab
-from tests.browser.works import small_work
+from tests.browser.works import calm_flights, small_work
 
 
 def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
@@ -33,8 +32,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     tab.until(lambda: tab.shows("/plan/line", planned), "the page shows another plan")
     np.testing.assert_allclose(planned[-1], goal, atol=1e-4)
 
-    for name in ("position_noise_m", "attitude_noise_rad"):
-        app.post(Adjust(Settings.FLIGHT, name, 0.002))
+    calm_flights(app)
     tab.press("status.next.start_flight")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", 300)
     flight = app.session.flight

@@ -17,6 +17,7 @@ from nerfnav_app.worker.backend import NavigationBackend
 from tests.browser.in_page import POSITION
 from tests.browser.tab import Tab
 from tests.browser.test_following import with_field
+from tests.browser.works import calm_flights
 
 Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
@@ -124,6 +125,7 @@ def test_a_plan_gives_way_to_a_box_that_is_dropped_and_dragged_and_undo_takes_it
 
 def test_a_box_that_is_dropped_during_a_flight_is_flown_around(serve: Serve, open_tab: OpenTab) -> None:
     app, tab = with_field(serve, open_tab)
+    calm_flights(app)
     first = plan_of(app.session)
     tab.press("status.next.start_flight")
     tab.until(lambda: app.session.flight is not None and len(app.session.flight.steps) > 1, "it does not fly")
@@ -150,8 +152,7 @@ def test_a_plan_and_a_flight_let_a_box_pass_whose_path_was_drawn_across_the_way(
 ) -> None:
     app, tab = with_field(serve, open_tab)
     first = plan_of(app.session)
-    for name in ("position_noise_m", "attitude_noise_rad"):  # so that a filter of few iterations keeps up
-        app.post(Adjust(Settings.FLIGHT, name, 0.002))
+    calm_flights(app)
     box = add_box(tab, TOP_OF_BALL)
     assert box.entry.box is not None
     wide, deep, high = box.entry.box

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from nerfnav.core.steps import run_steps
-from nerfnav.live.answer import Guidance, Order
+from nerfnav.live.answer import OLDEST_S, Answer, Guidance, Order
 from nerfnav.live.setpoints import (
     GuidedVehicle,
     compute_guided_action,
@@ -87,3 +87,12 @@ def test_one_that_holds_is_predicted_to_go_on() -> None:
     moved = GuidedVehicle().step(state, GuidedVehicle().hold(state, 0.1), 0.1)
     np.testing.assert_allclose(moved.position, [0.1, 0, 0])
     np.testing.assert_allclose(moved.body_rate, [0, 0, 0.5])
+
+
+def test_an_answer_that_comes_too_late_is_not_followed(guidance: Guidance) -> None:
+    begun = guidance.setpoints[0].time
+    answer = Answer(begun, "followed", "", guidance=guidance)
+    assert answer.guidance_at(begun + 0.9 * OLDEST_S) is guidance
+    late = answer.guidance_at(begun + 1.5)
+    assert late is not None and late.order is Order.HOLD and late.setpoints == () and "1.50 s" in late.reason
+    assert Answer(begun, "followed", "").guidance_at(begun + 9) is None
