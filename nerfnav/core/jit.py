@@ -6,7 +6,7 @@ numba itself is imported when a kernel is first called: it takes a fifth of a se
 import inspect
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from functools import cache, cached_property
 from pathlib import Path
@@ -17,6 +17,8 @@ import torch
 from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.core.kernel_cache import cache_folder, caching, require_covered
 
+_PATIENCE_S = 120
+"""How long a process waits for another one that compiles the same kernel [s]."""
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
 
 prange = range
@@ -78,7 +80,10 @@ class Kernel:
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
         with global_compiler_lock, caching(folder):
-            return numba.njit(**options)(self._function)
+            dispatcher = numba.njit(**options)(self._function)
+        if options.get("cache"):
+            dispatcher.compile = _in_one_process(dispatcher.compile, folder / f"{self.__name__}.lock")
+        return dispatcher
 
 
 def kernel(*, parallel: bool = False, exact: bool = False) -> Callable[[Any], Kernel]:
@@ -95,6 +100,38 @@ def kernel(*, parallel: bool = False, exact: bool = False) -> Callable[[Any], Ke
         return Kernel(inspect.unwrap(function), options)
 
     return decorate
+
+
+def _in_one_process(compiled: Callable[[Any], Any], path: Path) -> Callable[[Any], Any]:
+    """Let one process at a time compile a kernel or read it from the cache: the others then read what it has made."""
+
+    def compile_or_wait(signature: Any) -> Any:
+        from filelock import FileLock
+
+        lock = FileLock(path)
+        with suppress(OSError):  # another process is suspended, or the cache cannot be written: nothing is shared
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _wait_for(lock)
+        try:
+            return compiled(signature)
+        finally:
+            lock.release()
+
+    return compile_or_wait
+
+
+def _wait_for(lock: Any) -> None:
+    """Take a lock; to wait for it is reported as a compilation. Raises Timeout after _PATIENCE_S."""
+    from filelock import Timeout
+
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        _compiling.get()(1)
+        try:
+            lock.acquire(timeout=_PATIENCE_S)
+        finally:
+            _compiling.get()(-1)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,10 +12,12 @@ import numba
 import numpy as np
 import pytest
 import torch
+from filelock import FileLock
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import (
     Kernel,
+    _in_one_process,
     default_threads,
     kernel,
     prange,
@@ -91,6 +94,56 @@ def test_machine_code_is_shared_by_all_installations_of_the_same_kernels() -> No
     elsewhere = Kernel(lambda x: x, {"cache": True})._dispatcher._cache
     assert Path(elsewhere._cache_path).parent == cache_folder()
     assert Path(__file__).parent.name in Path(elsewhere._cache_path).name, "of others, numba keeps apart the folders"
+
+
+_ONE_KERNEL = """
+import sys, numpy as np
+from nerfnav.geometry.linear import multiply
+sys.stdout.write("ready\\n"); sys.stdout.flush(); sys.stdin.readline()
+multiply(np.eye(3), np.eye(3), np.empty((3, 3)))
+print(sum(multiply._dispatcher.stats.cache_hits.values()))
+"""
+
+
+def test_of_two_processes_that_need_a_kernel_one_compiles_it_and_the_other_reads_it(tmp_path: Path) -> None:
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", _ONE_KERNEL], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    for process in both:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    for process in both:  # once both are there
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    assert sorted(int(process.communicate(timeout=100)[0]) for process in both) == [0, 1]
+
+
+def test_a_process_that_waits_for_another_reports_that_and_then_goes_on(tmp_path: Path) -> None:
+    path, reports = tmp_path / "kernel.lock", []
+    other, waiting = FileLock(path), threading.Event()
+
+    def report(compiles: bool) -> None:
+        reports.append(compiles)
+        waiting.set()
+
+    def first_call() -> str:
+        with report_compilation(report):
+            return _in_one_process(lambda signature: f"{signature} after {reports}", path)("f8")
+
+    with ThreadPoolExecutor() as pool, other:
+        result = pool.submit(first_call)
+        assert waiting.wait(60) and not result.done() and reports == [True]
+        other.release()
+        assert result.result(60) == "f8 after [True, False]"
+
+
+def test_where_the_cache_cannot_be_written_kernels_are_compiled_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    assert _in_one_process(lambda signature: signature, tmp_path / "file" / "kernel.lock")("f8") == "f8"
 
 
 def test_kernels_use_one_thread_unless_a_block_asks_for_more_and_none_inside_another_gets_more_than_that() -> None:

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -103,6 +105,13 @@ def until(stream: int, word: str) -> Generator[str, None, None]:
         yield piece
 
 
+def drain(stream: int) -> None:
+    """Read what a process writes until it ends."""
+    with suppress(OSError):
+        while os.read(stream, 4096):
+            pass
+
+
 @pytest.mark.slow
 def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) -> None:
     out = tmp_path / "field.npz"
@@ -115,7 +124,10 @@ def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) ->
         shown = "".join(until(terminal, "k rays/s"))
         process.send_signal(signal.SIGINT)
         shown += "".join(until(terminal, "keeping what was done so far"))
+        rest = Thread(target=drain, args=(terminal,))  # a terminal that nobody reads is full after 4 KB
+        rest.start()
         summary, _ = process.communicate(timeout=5 * PATIENCE_S)
+    rest.join()
     os.close(terminal)
     assert process.returncode == 0
     assert "PSNR" in shown
