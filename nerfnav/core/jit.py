@@ -80,7 +80,7 @@ class Kernel:
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
         with global_compiler_lock, caching(folder):
-            dispatcher = numba.njit(**options)(self._function)
+            dispatcher: Any = numba.njit(**options)(self._function)
         if options.get("cache"):
             dispatcher.compile = _in_one_process(dispatcher.compile, folder / f"{self.__name__}.lock")
         return dispatcher

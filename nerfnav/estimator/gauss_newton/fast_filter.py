@@ -28,7 +28,7 @@ from nerfnav.estimator.core.filter_step import FilterUpdate, is_usable, keep_pre
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.alignment import align, choose_start, image_deviation, search
 from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, compute_posterior, correct, is_doubtful
-from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
+from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information, overstates
 from nerfnav.estimator.photometric.pixel_selection import Hidden
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.field import Field, build_levels
@@ -111,7 +111,7 @@ def _correct(problem: UpdateProblem) -> FilterUpdate:
     pyramid = problem.config.pyramid
     many = problem.trusted and image_deviation(problem.prediction, problem.view, pyramid.halvings[0]) > pyramid.narrow
     best, rival = (yield from align(problem, pyramid.stages(many), choose_start(problem, many))), None
-    if problem.trusted and (best := measure_information(problem, best)).information is not None:
+    if problem.trusted and overstates(problem, best):
         best, rival = descend_secant(problem, best)
         yield best.step
     iteration, rounds = best.step.iteration + 1, pyramid.search.rounds if problem.trusted else 0

@@ -36,25 +36,40 @@ class PoseGaussian:
     """P, in the tangent of the pose; 64 bits."""
 
 
+def overstates(problem: UpdateProblem, minimum: Minimum) -> bool:
+    """Return True where slopes at a minimum overstate what its picture tells."""
+    return _is_overstated(problem, minimum, _settle(problem, minimum))
+
+
 def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     """Return a minimum with the information of its picture where slopes at the pose overstate that; else as it is."""
-    config, here = problem.config.pyramid.secant, information_at(problem, minimum).double()
-    seen, compared = _thin(minimum.selection.observation, config.checked), len(minimum.selection.observation.pixels)
-    alike = problem.correlated(compared) * len(seen.pixels) / compared * information_ratio(problem, minimum)
-    prior, noise_std = problem.prior(compared).information, problem.config.color_noise.std
-    known = problem.pose_information.double()
-
-    def settle(start: Float[Tensor, "6 6"], rounds: int) -> Float[Tensor, "6 6"]:
-        """Measure from the covariance that an information leaves."""
-        robust, over = problem.config.pyramid.robust[-1], invert(start + known)
-        return settle_information(seen, minimum.iterate.guess, over, prior, noise_std, alike, robust, rounds)
-
-    first = settle(here / config.widened**2, 1)
-    overstated = float(torch.exp((torch.logdet(here + known) - torch.logdet(first + known)) / len(POSE)))
-    if not overstated > config.overstated:
+    found = _settle(problem, minimum)
+    if not _is_overstated(problem, minimum, found):
         return minimum
-    found = first if config.settle == 1 else settle(first, config.settle - 1)
+    if (rounds := problem.config.pyramid.secant.settle - 1) > 0:
+        found = _settle(problem, minimum, found, rounds)
     return replace(minimum, information=found.to(problem.pose_information))
+
+
+def _settle(
+    problem: UpdateProblem, minimum: Minimum, start: Float[Tensor, "6 6"] | None = None, rounds: int = 1
+) -> Float[Tensor, "6 6"]:
+    """Measure the information of a minimum's picture over what a first information leaves; None: that of slopes."""
+    config, selection = problem.config.pyramid.secant, minimum.selection.observation
+    if start is None:
+        start = information_at(problem, minimum).double() / config.widened**2
+    seen, compared = _thin(selection, config.checked), len(selection.pixels)
+    alike = problem.correlated(compared) * len(seen.pixels) / compared * information_ratio(problem, minimum)
+    robust, over = problem.config.pyramid.robust[-1], invert(start + problem.pose_information.double())
+    prior, noise_std = problem.prior(compared).information, problem.config.color_noise.std
+    return settle_information(seen, minimum.iterate.guess, over, prior, noise_std, alike, robust, rounds)
+
+
+def _is_overstated(problem: UpdateProblem, minimum: Minimum, measured: Float[Tensor, "6 6"]) -> bool:
+    """Return True where what slopes tell leaves much smaller standard deviations than what secants measured."""
+    known, slopes = problem.pose_information.double(), information_at(problem, minimum).double()
+    wider = torch.exp((torch.logdet(slopes + known) - torch.logdet(measured + known)) / len(POSE))
+    return float(wider) > problem.config.pyramid.secant.overstated
 
 
 def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:
@@ -68,8 +83,9 @@ def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Mi
     seen = Observation.of(problem.image, pixels, problem.view.at(0))
     covariance = problem.prediction.covariance[POSE][:, POSE].double()
     here = PoseGaussian(Guess.at(problem.prediction.mean.pose[None]), covariance)
+    few = _thin(seen, pyramid.secant.checked)
     for _ in range(pyramid.secant.rounds):
-        here = _step(seen, here, problem)
+        here = _step(few, here, problem)
     newton = NewtonConfig(
         pyramid.iterations[-1], robust=pyramid.robust[-1], settled=pyramid.settled, stretch=pyramid.stretch
     )
@@ -92,10 +108,9 @@ def _step(seen: Observation, here: PoseGaussian, problem: UpdateProblem) -> Pose
     secants = measure_secants(seen, here.guess, here.covariance, config.color_noise.std, config.pyramid.robust[-1])
     scale = torch.block_diag(secants.root, torch.eye(2).double())
     known, change = prior.information.double(), prior.change_of(here.guess)[0].double()
-    doubt = max(1.0, float((secants.weight * secants.residual.square()).mean()))
-    alike = problem.correlated(len(seen.pixels)) * doubt
+    alike = problem.correlated(len(seen.pixels)) * max(1.0, secants.misfit)
     curvature = secants.information / alike + scale.T @ known @ scale
-    push = secants.columns.T @ (secants.weight * secants.residual) / alike + scale.T @ (known @ change)
+    push = secants.push / alike + scale.T @ (known @ change)
     step = -scale @ torch.linalg.solve(curvature, push)
     covariance = scale @ torch.linalg.inv(curvature) @ scale.T
     return PoseGaussian(here.guess.retract(step.float()[None]), 0.5 * (covariance + covariance.T)[:6, :6])

@@ -173,10 +173,10 @@ def draw_by_gradient(
     steep = torch.zeros_like(grey)
     steep[:, 1:] += grey.diff(dim=1).abs()
     steep[1:] += grey.diff(dim=0).abs()
-    steep = torch.nn.functional.max_pool2d(steep[None], _AROUND, 1, _AROUND // 2).flatten()
+    steep = torch.from_numpy(cv2.dilate(steep.numpy(), np.ones((_AROUND, _AROUND), np.uint8))).flatten()
     likely = steep + _LEAST_STEEP * steep.mean() + 1e-6
     late = torch.empty_like(likely).exponential_(generator=generator) / likely
-    return _places(late.argsort()[:count], image)
+    return _places(late.topk(min(count, len(late)), largest=False).indices, image)
 
 
 def _places(index: Int[Tensor, " m"], image: UInt8[Tensor, "height width 3"]) -> Int[Tensor, "m 2"]:

@@ -86,7 +86,7 @@ class SecantConfig:
     """Options of secants in the filter (gauss_newton/secant.py)."""
 
     checked: int = 192
-    """Pixels by which the information of a picture is measured."""
+    """Pixels by which the information of a picture is measured, and steps by secants are taken."""
     overstated: float = 1.5
     """Slopes at a pose hold while the standard deviations that secants leave are at most this many times as large
     (geometric mean). It is 0.9 in Stonehenge, 2 to 4 in plain rooms."""

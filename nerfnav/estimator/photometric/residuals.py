@@ -239,13 +239,18 @@ def photometric_cost(
 
 def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
     """Return the field's colours from body poses (n,) less the picture's."""
+    return torch.from_numpy(shown(seen, poses)) - seen.colors
+
+
+def shown(seen: Observation, poses: Pose) -> Float[np.ndarray, "n m 3"]:
+    """Return the field's colours from body poses (n,), without derivatives."""
     grid = get_ray_grid(seen.field)
     with torch.no_grad(), threads(THREADS):
         if grid is None:
-            return seen.shown(poses) - seen.colors
-        shown = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
-        probe(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), shown)
-        return torch.from_numpy(shown) - seen.colors
+            return seen.shown(poses).numpy()
+        colors = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
+        probe(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), colors)
+        return colors
 
 
 def array_of(tensor: Tensor) -> np.ndarray:

@@ -13,12 +13,14 @@ Sec. 6.2).
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.estimator.photometric.kernels.secant import sum_secants
 from nerfnav.estimator.photometric.levenberg_marquardt import EXPOSURE, POSE, Guess
-from nerfnav.estimator.photometric.residuals import Observation, residuals
+from nerfnav.estimator.photometric.residuals import Observation, shown
 from nerfnav.geometry import Pose, so3
 
 _AWAY = 6.0**0.5
@@ -27,21 +29,19 @@ _AWAY = 6.0**0.5
 
 @dataclass(frozen=True)
 class Secants:
-    """Derivatives of c colours over the covariance P of a pose; 64 bits."""
+    """Sums over the colours of a picture, by secants over the covariance P of a pose; 64 bits.
+
+    Unknowns are the six standard deviations (columns of L), gain and bias.
+    """
 
     root: Float[Tensor, "6 6"]
     """L."""
-    columns: Float[Tensor, "c 8"]
-    """Derivatives by the six standard deviations (columns of L), gain and bias."""
-    residual: Float[Tensor, " c"]
-    """Mean colour less the picture's."""
-    weight: Float[Tensor, " c"]
-    """Huber's weight over the variance s^2 + e."""
-
-    @property
-    def information(self) -> Float[Tensor, "8 8"]:
-        """Information of independent colours, in units of P and of the exposure."""
-        return self.columns.T @ (self.weight[:, None] * self.columns)
+    information: Float[Tensor, "8 8"]
+    """Information J'WJ of independent colours; W is Huber's weight over the variance s^2 + e."""
+    push: Float[Tensor, "8"]
+    """J'Wr, with r the mean colour less the picture's."""
+    misfit: float
+    """Mean of w r^2."""
 
     def pose_information(self, alike: float, exposure: Float[Tensor, "2 2"]) -> Float[Tensor, "6 6"]:
         """Return the information on the pose [1/m^2, 1/rad^2] where so many colours err `alike`.
@@ -62,18 +62,13 @@ def measure_secants(
 
     `noise_std` is s, of one colour, and `robust` Huber's bound [1 = full scale].
     """
-    pose, (gain, bias) = guess.pose[0], guess.exposure[0].double()
-    root = torch.linalg.cholesky(covariance.double())
+    pose, root = guess.pose[0], torch.linalg.cholesky(covariance.double())
     away = _AWAY * torch.cat([root.T, -root.T]).to(pose.position)
     poses = Pose(so3.retract(pose.rotation.expand(len(away), 3, 3), away[:, 3:]), pose.position + away[:, :3])
-    shown = (residuals(seen, poses) + seen.colors).flatten(1).double()
-    ahead, behind = shown.chunk(2)
-    mean, slopes = shown.mean(0), (ahead - behind) / (2 * _AWAY)
-    bent = ((shown - mean).square().mean(0) - slopes.square().sum(0)).clamp_min(0)
-    residual = (1 + gain) * mean + bias - seen.colors.flatten().double()
-    huber = (robust / residual.abs().clamp_min(1e-9)).clamp_max(1)
-    columns = torch.cat([(1 + gain) * slopes, mean[None], torch.ones_like(mean)[None]]).T
-    return Secants(root, columns, residual, huber / (noise_std**2 + bent))
+    information, push, (gain, bias) = np.empty((8, 8)), np.empty(8), guess.exposure[0].tolist()
+    colors, bounds = np.ascontiguousarray(seen.colors.numpy()), (_AWAY, noise_std**2, robust)
+    misfit = sum_secants(shown(seen, poses), colors, (gain, bias), bounds, information, push)
+    return Secants(root, torch.from_numpy(information), torch.from_numpy(push), misfit)
 
 
 def settle_information(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -15,6 +16,7 @@ from nerfnav.estimator.gauss_newton.alignment import align, start_at_mean
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.gauss_newton.posterior import Minimum, UpdateProblem, information_at
 from nerfnav.estimator.gauss_newton.secant import descend_secant, measure_information
+from nerfnav.estimator.photometric.kernels.secant import sum_secants
 from nerfnav.estimator.photometric.levenberg_marquardt import (
     Guess,
     NewtonConfig,
@@ -96,6 +98,25 @@ def told_over(root: Tensor, alike: float = 1.0) -> Tensor:
     exposure = join_information(None, (0.1, 0.05))[6:, 6:]
     secants = measure_secants(all_pixels(), Guess.at(HERE.pose[None]), root @ root.T, COLOR_STD, 10.0)
     return secants.pose_information(alike, exposure).float()
+
+
+def test_the_compiled_sums_are_those_of_the_equations() -> None:
+    shown = torch.rand(12, 40, 3, generator=draws(0))
+    colors, (gain, bias), noise, robust = torch.rand(40, 3, generator=draws(1)), (0.1, -0.05), 0.02, 0.3
+    information, push = np.empty((8, 8)), np.empty(8)
+    bounds = 6.0**0.5, noise**2, robust
+    misfit = sum_secants(shown.numpy(), colors.numpy(), (gain, bias), bounds, information, push)
+
+    ahead, behind = shown.double().flatten(1).chunk(2)
+    mean, slopes = 0.5 * (ahead + behind).mean(0), (ahead - behind) / (2 * bounds[0])
+    bent = (torch.cat([ahead, behind]) - mean).square().mean(0) - slopes.square().sum(0)
+    residual = (1 + gain) * mean + bias - colors.double().flatten()
+    assert (residual.abs() > robust).any()
+    weight = (robust / residual.abs()).clamp_max(1) / (noise**2 + bent)
+    columns = torch.cat([(1 + gain) * slopes, mean[None], torch.ones_like(mean)[None]]).T
+    np.testing.assert_allclose(information, columns.T @ (weight[:, None] * columns), rtol=1e-9)
+    np.testing.assert_allclose(push, columns.T @ (weight * residual), rtol=1e-9, atol=1e-9)
+    assert misfit == pytest.approx(float((weight * residual.square()).mean()))
 
 
 def test_over_a_small_covariance_it_is_the_information_of_slopes_with_gain_and_bias_marginalised() -> None:
