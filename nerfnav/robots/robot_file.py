@@ -72,6 +72,11 @@ def _camera_of(entry: CameraFile, folder: Path) -> Camera:
 
 _MOST_PIXELS = 8192
 """Largest width or height of a camera that is simulated."""
+_RANGE = 1e-4, 1e6
+"""Least and largest mass and limit of a vehicle, in SI units."""
+_INERTIA = 1e-4, 10.0
+"""Least and largest moment of inertia of a vehicle, in its mass times the square of its length: those of drones are
+0.02 to 0.1."""
 
 
 Kind = Literal["quadrotor", "couch", "diffdrive", "handheld"]
@@ -146,10 +151,11 @@ def robot_of(entry: RobotFile, folder: Path) -> Robot:
 
 
 def _quadrotor(entry: RobotFile, shared: dict[str, Any]) -> Robot:
-    usual, mass = QuadrotorConfig(), _above_zero("mass", entry.mass)
+    usual, mass = QuadrotorConfig(), _in_range("mass", entry.mass)
     larger = math.dist(shared["extents"], (0, 0, 0)) / math.dist(usual.extents, (0, 0, 0))
-    inertia = _inertia_of_box(mass, shared["extents"]) if entry.inertia is None else entry.inertia
-    _check_inertia(inertia)
+    inertia = _inertia_of_box(mass, shared["extents"])
+    if entry.inertia is not None:
+        _check_inertia(inertia := entry.inertia, mass, max(shared["extents"]))
     limits = _limits(
         entry,
         usual,
@@ -169,7 +175,7 @@ def _quadrotor(entry: RobotFile, shared: dict[str, Any]) -> Robot:
 
 def _couch(entry: RobotFile, shared: dict[str, Any]) -> Robot:
     _refuse(entry, "inertia")
-    usual, mass = CouchConfig(), _above_zero("mass", entry.mass)
+    usual, mass = CouchConfig(), _in_range("mass", entry.mass)
     limits = _limits(entry, usual, force=usual.max_force / usual.mass * mass)
     return Couch(CouchConfig(mass=mass, **limits, **shared))
 
@@ -198,7 +204,7 @@ def _limits(entry: RobotFile, usual: Any, **scaled: float) -> dict[str, float]:
         known = ", ".join(named) or "none"
         raise InvalidInputError(f"a {entry.kind} has no limit {sorted(unknown)[0]!r}; it has {known}")
     left_out = {name: getattr(usual, attribute) for name, attribute in named.items()} | scaled
-    return {named[name]: _above_zero(name, entry.limits.get(name, value)) for name, value in left_out.items()}
+    return {named[name]: _in_range(name, entry.limits.get(name, value)) for name, value in left_out.items()}
 
 
 def _refuse(entry: RobotFile, *names: str) -> None:
@@ -215,10 +221,23 @@ def _above_zero(name: str, value: float | None) -> float:
     return value
 
 
-def _check_inertia(inertia: Vector) -> None:
-    """Refuse moments of which one is larger than the sum of the two others: no mass distribution has them."""
+def _in_range(name: str, value: float | None) -> float:
+    """Return a mass or a limit in SI units. Raises InvalidInputError for one that no vehicle has."""
+    value, (least, most) = _above_zero(name, value), _RANGE
+    if not least <= value <= most:
+        raise InvalidInputError(f"{name} is a number from {least:g} to {most:g}, not {value:g}")
+    return value
+
+
+def _check_inertia(inertia: Vector, mass: float, length: float) -> None:
+    """Refuse moments that no vehicle of this mass [kg] and length [m] has, nor any other mass distribution."""
+    low, high = (share * mass * length**2 for share in _INERTIA)
     for moment in inertia:
-        _above_zero("inertia", moment)
+        if not low <= _above_zero("inertia", moment) <= high:
+            raise InvalidInputError(
+                f"a vehicle of {mass:g} kg and {length:g} m has moments of inertia of {low:.2g} to {high:.2g} kg m^2, "
+                f"not {moment:g}: leave inertia out to take that of a solid box"
+            )
     if 2 * max(inertia) > sum(inertia) * (1 + 1e-9):
         raise InvalidInputError(f"no body has moments of inertia of {inertia}: none exceeds the sum of the two others")
 
