@@ -135,13 +135,13 @@ class Answer:
     camera_check: CameraCheck | None = None
     """Comparison of the camera with the field; None until enough pictures were followed."""
 
-    def guidance_at(self, now: float) -> Guidance | None:
+    def guidance_at(self, now: float, oldest: float = OLDEST_S) -> Guidance | None:
         """Return the guidance at a time of the vehicle's clock [s], at which the answer is there: HOLD where its
-        picture is more than OLDEST_S old. A vehicle that waited so long is not where the plan would have it by now."""
+        picture is older than `oldest` [s]. A vehicle that waited so long is not where the plan would have it by now."""
         age = now - self.time
-        if self.guidance is None or age <= OLDEST_S:
+        if self.guidance is None or age <= oldest:
             return self.guidance
-        return Guidance(Order.HOLD, f"the answer comes {age:.2f} s after its picture: at most {OLDEST_S:g} s are safe")
+        return Guidance(Order.HOLD, f"the answer comes {age:.2f} s after its picture: at most {oldest:g} s are safe")
 
     @property
     def latency_ms(self) -> float:
