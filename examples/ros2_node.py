@@ -26,8 +26,10 @@ def main(address: str, goal: Goal, topic: str) -> None:
     estimates = node.create_publisher(PoseWithCovarianceStamped, "estimate", 10)
     trajectories = node.create_publisher(MultiDOFJointTrajectory, "command/trajectory", 10)
 
+    def now() -> float:
+        return 1e-9 * node.get_clock().now().nanoseconds
+
     def on_image(image: Image) -> None:
-        now = lambda: 1e-9 * node.get_clock().now().nanoseconds  # noqa: E731
         time = image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec
         answer = live.see(decode_image_message(image).numpy(), time, goal, now())
         guidance = answer.guidance_at(now())

@@ -18,7 +18,7 @@ from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.core.kernel_cache import cache_folder, caching, require_covered
 
 _PATIENCE_S = 120
-"""How long a process waits for another one that compiles the same kernel [s]."""
+"""Longest wait of a process for another one that compiles the same kernel [s]."""
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
 
 prange = range
@@ -103,7 +103,7 @@ def kernel(*, parallel: bool = False, exact: bool = False) -> Callable[[Any], Ke
 
 
 def _in_one_process(compiled: Callable[[Any], Any], path: Path) -> Callable[[Any], Any]:
-    """Let one process at a time compile a kernel or read it from the cache: the others then read what it has made."""
+    """Let one process compile a kernel: the others wait for it, and then read side by side what it has made."""
 
     def compile_or_wait(signature: Any) -> Any:
         from filelock import FileLock
@@ -121,7 +121,7 @@ def _in_one_process(compiled: Callable[[Any], Any], path: Path) -> Callable[[Any
 
 
 def _wait_for(lock: Any) -> None:
-    """Take a lock; to wait for it is reported as a compilation. Raises Timeout after _PATIENCE_S."""
+    """Take a lock, or wait until it is free; to wait is reported as a compilation. Raises Timeout after _PATIENCE_S."""
     from filelock import Timeout
 
     try:
@@ -130,6 +130,7 @@ def _wait_for(lock: Any) -> None:
         _compiling.get()(1)
         try:
             lock.acquire(timeout=_PATIENCE_S)
+            lock.release()
         finally:
             _compiling.get()(-1)
 

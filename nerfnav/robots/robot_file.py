@@ -204,7 +204,8 @@ def _limits(entry: RobotFile, usual: Any, **scaled: float) -> dict[str, float]:
         known = ", ".join(named) or "none"
         raise InvalidInputError(f"a {entry.kind} has no limit {sorted(unknown)[0]!r}; it has {known}")
     left_out = {name: getattr(usual, attribute) for name, attribute in named.items()} | scaled
-    return {named[name]: _in_range(name, entry.limits.get(name, value)) for name, value in left_out.items()}
+    given = {name: _in_range(name, value) for name, value in entry.limits.items()}
+    return {named[name]: value for name, value in (left_out | given).items()}
 
 
 def _refuse(entry: RobotFile, *names: str) -> None:

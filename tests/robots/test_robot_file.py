@@ -245,3 +245,8 @@ def test_a_mesh_whose_faces_look_inwards_is_turned_outwards(tmp_path: Path) -> N
     inverted.export(tmp_path / "hull.ply")
     robot = robots.load(written(tmp_path, _body("{mesh: hull.ply, spacing: 0.05}")))
     assert robot.body.solid is not None and robot.body.solid.volume == pytest.approx(0.006)
+
+
+def test_limits_that_follow_from_a_large_mass_are_taken(tmp_path: Path) -> None:
+    robot = robots.load(written(tmp_path, SCOUT.replace("mass: 0.7", "mass: 9e5")))
+    assert isinstance(robot, Quadrotor) and robot.config.max_thrust > 9e6

@@ -38,38 +38,37 @@ class PoseGaussian:
 
 def overstates(problem: UpdateProblem, minimum: Minimum) -> bool:
     """Return True where slopes at a minimum overstate what its picture tells."""
-    return _is_overstated(problem, minimum, _settle(problem, minimum))
+    return _measure_overstated(problem, minimum) is not None
 
 
 def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     """Return a minimum with the information of its picture where slopes at the pose overstate that; else as it is."""
-    found = _settle(problem, minimum)
-    if not _is_overstated(problem, minimum, found):
+    found, rounds = _measure_overstated(problem, minimum), problem.config.pyramid.secant.settle - 1
+    if found is None:
         return minimum
-    if (rounds := problem.config.pyramid.secant.settle - 1) > 0:
+    if rounds > 0:
         found = _settle(problem, minimum, found, rounds)
     return replace(minimum, information=found.to(problem.pose_information))
 
 
+def _measure_overstated(problem: UpdateProblem, minimum: Minimum) -> Float[Tensor, "6 6"] | None:
+    """Measure the information of a minimum's picture in one round; None where that of its slopes holds."""
+    config, slopes = problem.config.pyramid.secant, information_at(problem, minimum).double()
+    known, found = problem.pose_information.double(), _settle(problem, minimum, slopes / config.widened**2, 1)
+    wider = float(torch.exp((torch.logdet(slopes + known) - torch.logdet(found + known)) / len(POSE)))
+    return found if wider > config.overstated else None
+
+
 def _settle(
-    problem: UpdateProblem, minimum: Minimum, start: Float[Tensor, "6 6"] | None = None, rounds: int = 1
+    problem: UpdateProblem, minimum: Minimum, start: Float[Tensor, "6 6"], rounds: int
 ) -> Float[Tensor, "6 6"]:
-    """Measure the information of a minimum's picture over what a first information leaves; None: that of slopes."""
-    config, selection = problem.config.pyramid.secant, minimum.selection.observation
-    if start is None:
-        start = information_at(problem, minimum).double() / config.widened**2
-    seen, compared = _thin(selection, config.checked), len(selection.pixels)
+    """Measure the information of a minimum's picture over the covariance that a first information leaves."""
+    selection = minimum.selection.observation
+    seen, compared = _thin(selection, problem.config.pyramid.secant.checked), len(selection.pixels)
     alike = problem.correlated(compared) * len(seen.pixels) / compared * information_ratio(problem, minimum)
     robust, over = problem.config.pyramid.robust[-1], invert(start + problem.pose_information.double())
     prior, noise_std = problem.prior(compared).information, problem.config.color_noise.std
     return settle_information(seen, minimum.iterate.guess, over, prior, noise_std, alike, robust, rounds)
-
-
-def _is_overstated(problem: UpdateProblem, minimum: Minimum, measured: Float[Tensor, "6 6"]) -> bool:
-    """Return True where what slopes tell leaves much smaller standard deviations than what secants measured."""
-    known, slopes = problem.pose_information.double(), information_at(problem, minimum).double()
-    wider = torch.exp((torch.logdet(slopes + known) - torch.logdet(measured + known)) / len(POSE))
-    return float(wider) > problem.config.pyramid.secant.overstated
 
 
 def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:
