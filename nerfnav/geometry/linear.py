@@ -6,6 +6,14 @@ from nerfnav.core.jit import kernel
 
 
 @kernel()
+def copy_matrix(source, out):
+    """out = source (m, n), of equal shapes. numba's `out[:] = source` adds seconds of compilation for its message."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            out[i, j] = source[i, j]
+
+
+@kernel()
 def root_of(matrix, shift, root):
     """Fill the lower triangle of Cholesky's root of A + shift I; returns whether that is positive definite.
 

@@ -239,6 +239,8 @@ def test_a_kernel_that_another_one_calls_is_a_part_of_it() -> None:
     (code,) = caller._dispatcher.inspect_llvm().values()
     assert "PyArg_UnpackTuple" in code, "the code that Python calls"
     assert not re.findall(r"(?:define|call) [^\n]*@_ZN\w*11_polynomial", code)
+    (part,) = _polynomial._inlined.overloads.values()
+    assert part.library.get_pointer_to_function(part.fndesc.llvm_func_name) == 0, "it has no machine code of its own"
 
 
 _PLAN = """

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from nerfnav.core.jit import kernel
-from nerfnav.geometry.linear import root_of
+from nerfnav.geometry.linear import copy_matrix, root_of
 from nerfnav.planner.kernels.quadrotor import effort_at, gradient_at, room_for, surroundings_at
 
 
@@ -116,7 +116,8 @@ def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
         if not _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
             if fresh:
                 return at, True, fresh
-            inverse[:], fresh = first, True  # the estimated curvature misleads: drop it
+            copy_matrix(first, inverse)  # the estimated curvature misleads: drop it
+            fresh = True
             continue
         at, fresh = at + 1, False
         now = _total(trace[2], at)

@@ -244,25 +244,27 @@ def effort_curvature(free, task, body, space, weights, steps):
     Free numbers too far apart to count in the same action are moved together (Curtis, Powell and Reid 1974): the number
     of evaluations does not grow with the number of time steps.
     """
-    count = free.shape[0]
-    still = (0.0, weights[1], weights[2], 0.0, 0.0)
-    here, ahead, moved = np.empty(count), np.empty(count), free.copy()
+    count, apart = free.shape[0], 2 * _REACH + 1
+    here, ahead, moved, room = np.empty(count), np.empty(count), free.copy(), room_for(count)
     times, kinds = np.empty(count, np.int64), np.empty(count, np.int64)
     headings = count - (count + 4) // 4
     for i in range(count):  # thrusts of the first two steps, positions, headings: see `motion`
         times[i] = 3 if i < 2 else 4 + (i - 2) // 3 if i < headings else 2 + i - headings
         kinds[i] = i if i < 2 else 2 + (i - 2) % 3 if i < headings else 5
     curvature = np.zeros((count, count))
-    evaluate(free, task, body, space, still, here)
-    for kind in range(6):
-        for phase in range(2 * _REACH + 1):
-            together = (kinds == kind) & (times % (2 * _REACH + 1) == phase)
-            if not together.any():
-                continue
-            moved[:] = np.where(together, free + steps, free)
-            evaluate(moved, task, body, space, still, ahead)
-            for i in range(count):
-                for j in range(count if together[i] else 0):
-                    if abs(times[j] - times[i]) <= _REACH:
-                        curvature[i, j] = (ahead[j] - here[j]) / steps[i]
+    together = np.zeros(count, np.bool_)
+    for group in range(-1, 6 * apart):  # none is moved in the first
+        several = group < 0
+        for i in range(count):
+            together[i] = kinds[i] == group // apart and times[i] % apart == group % apart
+            moved[i] = free[i] + steps[i] if together[i] else free[i]
+            several |= together[i]
+        if not several:
+            continue
+        effort_at(moved, task, body, space, weights, room)
+        gradient_at(moved, task, room, here if group < 0 else ahead)
+        for i in range(count):
+            for j in range(count if together[i] else 0):
+                if abs(times[j] - times[i]) <= _REACH:
+                    curvature[i, j] = (ahead[j] - here[j]) / steps[i]
     return curvature

@@ -54,7 +54,8 @@ def grown(heap):
     keys, nodes = heap
     count = keys.shape[0]
     more_keys, more_nodes = np.empty(2 * count), np.empty(2 * count, np.int64)
-    more_keys[:count], more_nodes[:count] = keys, nodes
+    for i in range(count):
+        more_keys[i], more_nodes[i] = keys[i], nodes[i]
     return more_keys, more_nodes
 
 

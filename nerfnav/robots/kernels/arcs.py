@@ -60,7 +60,8 @@ def close(free, ends, last, dt, iterates):
     count = free.shape[0]
     steps = (count + 3) // 2
     speeds, yaw, jacobian = np.empty(steps + 1), np.empty(steps + 1), np.empty((count, 2))
-    iterates[0] = free
+    for i in range(count):
+        iterates[0, i] = free[i]
     for turn in range(ROUNDS):
         path(iterates[turn], ends, last, dt, speeds, yaw)
         x, y = _linearise(speeds, yaw, ends, dt, jacobian)

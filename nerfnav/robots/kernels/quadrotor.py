@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from nerfnav.core.jit import kernel
+from nerfnav.geometry.linear import copy_matrix
 from nerfnav.robots.kernels.rotations import cross, inverse_left_jacobian, log_between, turned
 
 
@@ -127,7 +128,8 @@ def motion(free, ends, attitudes, constants, position, velocity, rotation, rate,
         rate[0, axis], rate[steps, axis] = ends[2, axis], ends[5, axis]
         for t in range(1, steps):
             velocity[t, axis] = (position[t + 1, axis] - position[t, axis]) / dt
-    rotation[0], rotation[1], rotation[steps] = attitudes[0], attitudes[1], attitudes[2]
+    for end in range(3):
+        copy_matrix(attitudes[end], rotation[end if end < 2 else steps])
     action[0, 0], action[1, 0] = free[0], free[1]
     pull = np.empty(3)
     for t in range(2, steps):

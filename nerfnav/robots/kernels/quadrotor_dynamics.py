@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from nerfnav.core.jit import kernel
+from nerfnav.geometry.linear import copy_matrix
 from nerfnav.robots.kernels.rotations import cross, turned
 
 
@@ -30,14 +31,16 @@ def first_thrusts(state, wanted, constants, floor, thrusts):
         for axis in range(3):
             push = attitude[axis, 2] * thrusts[index] / mass - (gravity if axis == 2 else 0.0)
             following[axis] = 2.0 * at[axis] - before[axis] + push * dt * dt
-        before[:], at[:] = at, following
+        for axis in range(3):
+            before[axis], at[axis] = at[axis], following[axis]
 
 
 @kernel()
 def roll_out(state, actions, constants, positions):
     """Fill the positions (n + 1, 3) of a robot that takes actions (n, 4) whatever happens, the start's first."""
     velocity, rotation, rate = state[1].copy(), state[2].copy(), state[3].copy()
-    positions[0] = state[0]
+    for axis in range(3):
+        positions[0, axis] = state[0][axis]
     for t in range(actions.shape[0]):
         for axis in range(3):
             positions[t + 1, axis] = positions[t, axis] + velocity[axis] * constants[5]
@@ -54,7 +57,7 @@ def push(velocity, rotation, rate, action, constants):
         momentum[axis] = constants[1 + axis] * rate[axis]
     velocity[2] -= gravity * dt
     turned(rotation, rate[0] * dt, rate[1] * dt, rate[2] * dt, following)
-    rotation[:] = following
+    copy_matrix(following, rotation)
     cross(rate, momentum, gyroscopic)
     for axis in range(3):
         rate[axis] += (action[1 + axis] - gyroscopic[axis]) / constants[1 + axis] * dt
@@ -70,7 +73,9 @@ def hold_out(start, wanted, constants, holding, rest, states, actions):
     Returns how many steps it took until rest was wanted and its speed was below `rest` [m/s], at most n.
     """
     position, velocity, rotation, rate = states
-    position[0], velocity[0], rotation[0], rate[0] = start
+    for axis in range(3):
+        position[0, axis], velocity[0, axis], rate[0, axis] = start[0][axis], start[1][axis], start[3][axis]
+    copy_matrix(start[2], rotation[0])
     seen = np.empty(3)
     for t in range(actions.shape[0]):
         for axis in range(3):
@@ -78,7 +83,8 @@ def hold_out(start, wanted, constants, holding, rest, states, actions):
         _hold(seen, rotation[t], rate[t], constants, holding, actions[t])
         for axis in range(3):
             position[t + 1, axis] = position[t, axis] + velocity[t, axis] * constants[5]
-        velocity[t + 1], rotation[t + 1], rate[t + 1] = velocity[t], rotation[t], rate[t]
+            velocity[t + 1, axis], rate[t + 1, axis] = velocity[t, axis], rate[t, axis]
+        copy_matrix(rotation[t], rotation[t + 1])
         push(velocity[t + 1], rotation[t + 1], rate[t + 1], actions[t], constants)
         stays = wanted[t, 0] == 0.0 and wanted[t, 1] == 0.0 and wanted[t, 2] == 0.0
         if stays and _length(velocity[t + 1]) < rest:
@@ -100,7 +106,7 @@ def _hold(velocity, rotation, rate, constants, holding, action):
             thrust = action[0]
         push(later, ahead, turning, action, constants)
         if step == 0:
-            soon[:] = ahead
+            copy_matrix(ahead, soon)
     _wish(later, constants, holding, force)
     turn, momentum, gyroscopic = np.empty(3), np.empty(3), np.empty(3)
     _tip(soon, force, turn)

@@ -24,7 +24,7 @@ from nerfnav.estimator.photometric.kernels.levenberg_marquardt import (
 )
 from nerfnav.estimator.photometric.kernels.probe import center, turn
 from nerfnav.field.kernels.pose_descent import ray_scratch, see_ray
-from nerfnav.geometry.linear import multiply
+from nerfnav.geometry.linear import copy_matrix, multiply
 from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product
 
 NEAR = 3.0
@@ -87,8 +87,11 @@ def descend(grid, sight, prior, settings, trace, held, moved):
 def _settle(trace, place, prior):
     """Take a step too small to look again: what the picture says stays, what the prior says follows."""
     best, stage, n = place
-    trace[3][stage, n], trace[5][stage, n] = trace[3][best, n], trace[5][best, n]
-    trace[7][stage, n], trace[9][stage, n] = trace[7][best, n], trace[9][best, n]
+    trace[3][stage, n] = trace[3][best, n]
+    copy_matrix(trace[5][best, n], trace[5][stage, n])
+    copy_matrix(trace[7][best, n], trace[7][stage, n])
+    for i in range(8):
+        trace[9][stage, n, i] = trace[9][best, n, i]
     rotation, position, exposure = trace[0][stage, n], trace[1][stage, n], trace[2][stage, n]
     change, known = trace[6][stage, n], trace[8][stage, n]
     trace[4][stage, n] = pulled(prior, rotation, position, exposure, change, known, np.zeros(8))
