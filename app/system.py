@@ -1,8 +1,10 @@
-"""The process: its threads, its memory, and importing much at once."""
+"""The process: its threads, its memory, importing much at once, and a second one that compiles kernels."""
 
 import ctypes
 import gc
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -51,3 +53,28 @@ def give_back() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+@contextmanager
+def compiling_kernels() -> Iterator[None]:
+    """Compile the kernels of plans and flights in another process inside the block, unless this machine has them.
+
+    With one core there is no such process, for it would only take the place of this one; nor where the machine code
+    cannot be kept.
+    """
+    from nerfnav.core.jit import count_cores
+    from nerfnav.core.kernel_cache import can_be_kept, complete_mark
+
+    if count_cores() < 2 or complete_mark().exists() or not can_be_kept():
+        yield
+        return
+    # -P: nothing is imported from the folder that the user is in
+    command = [sys.executable, "-P", "-m", "nerfnav_app.kernels_ahead"]
+    threads = os.environ | {"OMP_NUM_THREADS": "1"}
+    # a session of its own: Ctrl-C is for this process, which then ends that one
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=threads, start_new_session=True)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()

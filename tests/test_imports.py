@@ -29,6 +29,7 @@ WALL = ("planner", "estimator", "navigation", "tracking")
 ROOMS: dict[str, tuple[str, ...]] = {
     "cli": ("server", "live_server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
     "server": ("page", "page_server", "worker", "ui_loop", "state", "places", "security"),
+    "kernels_ahead": ("jobs", "places"),
     "live_server": ("security", "system"),
     "ui_loop": ("reducers", "state"),
     "page_server": ("page.kit.theme", "places", "security"),

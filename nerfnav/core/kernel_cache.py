@@ -10,8 +10,9 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 from nerfnav.core.cache import cache_root
@@ -36,12 +37,10 @@ def kernel_files(package: Path = PACKAGE) -> frozenset[Path]:
 
 def sources_digest(package: Path = PACKAGE) -> str:
     """Digest of numba's version and of every source that the machine code of a package's kernels depends on."""
-    import numba
-
     found = kernel_files(package)
     imported = {name.decode() for path in found for name in _CONSTANTS.findall(path.read_bytes())}
     constants = {package.joinpath(*name.split(".")).with_suffix(".py") for name in imported}
-    digest = hashlib.sha256(numba.__version__.encode())
+    digest = hashlib.sha256(version("numba").encode())
     for path in sorted({package / "core/jit.py", *found, *filter(Path.is_file, constants)}):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -65,6 +64,18 @@ def cache_folder() -> Path:
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     root = Path(chosen) / "nerfnav" if chosen else cache_root()
     return root / f"kernels-{_own_digest()}"
+
+
+def complete_mark() -> Path:
+    """File in the cache folder that stands there once all kernels of plans and flights have been compiled."""
+    return cache_folder() / "complete"
+
+
+def can_be_kept() -> bool:
+    """Check that machine code can be written to the cache folder, which is made."""
+    with suppress(OSError):
+        cache_folder().mkdir(parents=True, exist_ok=True)
+    return os.access(cache_folder(), os.W_OK)
 
 
 @contextmanager

@@ -3,11 +3,13 @@
 import gc
 import json
 import os
+import signal
 import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trimesh
@@ -15,6 +17,7 @@ import viser
 from viser import _icons
 
 from nerfnav.core.glb import parts
+from nerfnav.core.kernel_cache import complete_mark
 from nerfnav_app.cli.commands.serve import shown_before
 from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.jobs.export.surface import build_first_surface, build_surface
@@ -22,7 +25,7 @@ from nerfnav_app.page.page import icons_at_hand
 from nerfnav_app.places.place import open_place
 from nerfnav_app.places.surface_glb import read_box
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.system import give_back, importing
+from nerfnav_app.system import compiling_kernels, give_back, importing
 from nerfnav_app.worker import worker
 from tests.app.doubles import ScriptedWork
 from tests.app.worker.test_worker import Loop
@@ -54,6 +57,53 @@ assert "numba" not in sys.modules and "nerfnav_app.jobs.field.baked" not in sys.
 def test_the_command_limits_numpys_threads_before_numpy_is_imported() -> None:
     code = "import sys, nerfnav_app.cli.main; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=300).returncode == 0
+
+
+@pytest.mark.parametrize(("cores", "compiled", "writable", "begins"), [
+    (2, False, True, True), (2, True, True, False), (1, False, True, False), (2, False, False, False),
+])  # fmt: skip
+def test_kernels_are_compiled_in_another_process_where_that_helps_until_the_app_ends(
+    cores: int, compiled: bool, writable: bool, begins: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("nerfnav.core.jit.count_cores", lambda: cores)
+    root = tmp_path if writable else Path(__file__)  # a file, in which there is no folder
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(root))
+    if compiled:
+        complete_mark().parent.mkdir(parents=True)
+        complete_mark().touch()
+    started: list[subprocess.Popen[bytes]] = []
+
+    class Started(subprocess.Popen[bytes]):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    monkeypatch.setattr(subprocess, "Popen", Started)
+    with compiling_kernels():
+        assert [process.poll() for process in started] == [None] * begins
+    assert [process.returncode for process in started] == [-signal.SIGTERM] * begins
+
+
+_FLOWN = """
+from nerfnav.core.jit import report_compilation
+from nerfnav.core.steps import run_steps
+from nerfnav_app.jobs.fly.fly import run
+from nerfnav_app.jobs.fly.request import FlyRequest
+from nerfnav_app.jobs.plan.plan import PlanRequest
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.place import open_place
+place, reports = open_place("stonehenge"), []
+with report_compilation(reports.append):
+    run_steps(run(FlyRequest(PlanRequest(Ends.of_task(place.tasks[-1])), seed=3), place))
+assert reports == [], f"{len(reports)} reports of compilations"
+"""
+
+
+@pytest.mark.nightly
+def test_where_kernels_were_compiled_ahead_a_plan_and_a_flight_compile_none(tmp_path: Path) -> None:
+    kept = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "OMP_NUM_THREADS": "1"}
+    for what in (["-m", "nerfnav_app.kernels_ahead"], ["-c", _FLOWN]):
+        subprocess.run([sys.executable, *what], env=kept, check=True, timeout=900)
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from nerfnav_app.page.splash import show_splash
 from nerfnav_app.page_server import page_server
 from nerfnav_app.places.kept_surface import kept_surface
 from nerfnav_app.security.address import page_url
-from nerfnav_app.system import importing
+from nerfnav_app.system import compiling_kernels, importing
 
 
 def shown_before(place: str) -> bytes | None:
@@ -78,7 +78,8 @@ def run_app(
     app = App(what, host, port, token, begun=surface, remembers=True, obstacles=obstacles)
     try:
         app.start()  # Ctrl-C may come while the page is put up: its threads end before the server either way
-        app.wait()
+        with compiling_kernels():
+            app.wait()
     finally:
         app.stop()
 
