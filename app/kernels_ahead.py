@@ -13,8 +13,9 @@ import torch
 from nerfnav.core.kernel_cache import complete_mark
 from nerfnav.core.steps import run_steps
 from nerfnav.planner import FastPlanConfig, PlanProblem, replan_from
-from nerfnav_app.jobs.fly.fly import run
+from nerfnav_app.jobs.fly import fly
 from nerfnav_app.jobs.fly.request import FlyRequest
+from nerfnav_app.jobs.plan import plan as plan_job
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import open_place
@@ -24,7 +25,7 @@ _NICENESS = 5
 
 
 def compile_kernels() -> None:
-    """Plan and fly in Stonehenge, so that each kernel on the way is compiled, and mark that all are there."""
+    """Fly and plan in Stonehenge, so that each kernel on the way is compiled, and mark that all are there."""
     place = open_place("stonehenge")
     task = place.tasks[0]
     problem = PlanProblem(place.field, place.robot, task.start_state, task.goal_state)
@@ -32,8 +33,9 @@ def compile_kernels() -> None:
     straight = torch.lerp(problem.start.position, problem.goal.position, shares)
     guess = problem.trajectory_through(torch.cat([straight, torch.zeros_like(shares)], 1))
     plan = run_steps(replan_from(problem, guess.motion(place.robot), 0, FastPlanConfig())).motion
-    # with a plan a flight begins with the filter, and makes the map when it plans again
-    run_steps(run(FlyRequest(PlanRequest(Ends.of_task(task)), plan), place))
+    route = PlanRequest(Ends.of_task(task))
+    run_steps(fly.run(FlyRequest(route, plan), place))  # begins with the filter, for it has a plan
+    run_steps(plan_job.run(route, place))
     complete_mark().touch()
 
 
