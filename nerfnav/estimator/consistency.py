@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+import scipy
 import torch
 from jaxtyping import Float
-from scipy import special
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import POSE, Belief
@@ -159,7 +159,7 @@ class Consistency:
     def _is_noise_wrong(self) -> bool:
         """Test both factors of `named`: whether b is beyond what either explains, in its own direction."""
         named, level, shape = self.config.named, self.config.level, 0.5 * self.expected
-        low, high = (float(special.gammainc(shape, 0.5 * self.observed / f**2)) for f in (1 / named, named))
+        low, high = (float(scipy.special.gammainc(shape, 0.5 * self.observed / f**2)) for f in (1 / named, named))
         return low < level or high > 1 - level
 
     @property

@@ -30,7 +30,10 @@ from nerfnav_app.worker import worker
 from tests.app.doubles import ScriptedWork
 from tests.app.worker.test_worker import Loop
 
-_SLOW = "trimesh", "numba", "scipy.spatial", "scipy.sparse", "skimage", "rosbags", "matplotlib", "networkx", "PIL"
+_SLOW = (
+    "trimesh", "numba", "scipy.spatial", "scipy.sparse", "scipy.special", "skimage", "rosbags", "matplotlib",
+    "networkx", "PIL",
+)  # fmt: skip
 _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
