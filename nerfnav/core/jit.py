@@ -113,7 +113,7 @@ def _compiler_of_parts() -> Any:
     from numba.core.compiler import Compiler
 
     class Codegen:
-        """That of the machine, which knows no address of a part."""
+        """Code generator of this machine, for code that has no address in it."""
 
         def __init__(self, machine: Any) -> None:
             self._machine = machine
