@@ -11,7 +11,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from keyword import iskeyword
 from pathlib import Path
@@ -70,6 +70,7 @@ def main(words: Sequence[str] | None = None) -> int:
             with warnings.catch_warnings():
                 # of numpy, in readers of foreign files: what is wrong with a file is in the one sentence
                 warnings.simplefilter("ignore", RuntimeWarning)
+                warnings.showwarning = _as_sentences(warnings.showwarning)
                 command.run(arguments)
         sys.stdout.flush()
     except NerfnavError as error:
@@ -86,6 +87,18 @@ def main(words: Sequence[str] | None = None) -> int:
         print("nerfnav: stopped", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+def _as_sentences(show: Callable[..., None]) -> Callable[..., None]:
+    """Show warnings of nerfnav's own classes as a sentence without a place in the source, others by `show`."""
+
+    def show_warning(message: Warning | str, category: type[Warning], *where: Any, **options: Any) -> None:
+        if category.__module__.startswith("nerfnav."):
+            print(f"nerfnav: {message}", file=sys.stderr)
+        else:
+            show(message, category, *where, **options)
+
+    return show_warning
 
 
 def usage() -> str:

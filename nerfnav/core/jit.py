@@ -15,7 +15,7 @@ from typing import Any
 import torch
 
 from nerfnav.core.errors import InvalidInputError, require_positive
-from nerfnav.core.kernel_cache import cache_folder, caching, require_covered
+from nerfnav.core.kernel_cache import cache_folder, caching, can_be_kept, require_covered
 
 _PATIENCE_S = 120
 """Longest wait of a process for another one that compiles the same kernel [s]."""
@@ -80,9 +80,10 @@ class Kernel:
         names = self._function.__globals__
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
+        settings: dict[str, Any] = options | {"cache": options.get("cache") and can_be_kept()}
         with global_compiler_lock, caching(folder):
-            dispatcher: Any = numba.njit(**options)(self._function)
-        if options.get("cache"):
+            dispatcher: Any = numba.njit(**settings)(self._function)
+        if settings["cache"]:
             dispatcher.compile = _in_one_process(dispatcher.compile, folder / f"{self.__name__}.lock")
         return dispatcher
 

@@ -9,6 +9,7 @@ nerfnav/core/jit.py. All installations with the same kernels share it.
 import hashlib
 import os
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -27,6 +28,10 @@ _CONSTANTS = re.compile(
 """Imports of names in capitals: numba compiles the values of constants in."""
 _LOCATORS = "nerfnav.core.kernel_locator.KernelLocator,UserProvidedCacheLocator"
 """Locators that numba asks for the folder of a kernel's machine code, in this order, from version 0.62 on."""
+
+
+class KernelCacheWarning(UserWarning):
+    """Machine code of kernels cannot be kept."""
 
 
 @cache
@@ -72,10 +77,19 @@ def complete_mark() -> Path:
 
 
 def can_be_kept() -> bool:
-    """Check that machine code can be written to the cache folder, which is made."""
+    """Check that machine code can be written to the cache folder, which is made; warns once where it cannot."""
+    return _can_be_written(cache_folder())
+
+
+@cache
+def _can_be_written(folder: Path) -> bool:
     with suppress(OSError):
-        cache_folder().mkdir(parents=True, exist_ok=True)
-    return os.access(cache_folder(), os.W_OK)
+        folder.mkdir(parents=True, exist_ok=True)
+    if folder.is_dir() and os.access(folder, os.W_OK):
+        return True
+    message = f"{folder} cannot be written: each start compiles kernels anew; set NUMBA_CACHE_DIR to a folder that can"
+    warnings.warn(message, KernelCacheWarning, stacklevel=2)
+    return False
 
 
 @contextmanager

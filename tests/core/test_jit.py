@@ -25,7 +25,7 @@ from nerfnav.core.jit import (
     threads,
     use_threads,
 )
-from nerfnav.core.kernel_cache import cache_folder
+from nerfnav.core.kernel_cache import KernelCacheWarning, cache_folder
 from nerfnav.field.proof import carving
 
 ROOT = Path(__file__).parents[2]
@@ -141,9 +141,17 @@ def test_a_process_that_waits_for_another_reports_that_and_then_goes_on(tmp_path
         assert result.result(60) == "f8 after [True, False]"
 
 
-def test_where_the_cache_cannot_be_written_kernels_are_compiled_all_the_same(tmp_path: Path) -> None:
+def test_where_the_cache_cannot_be_written_kernels_are_compiled_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "file").write_text("no folder")
     assert _in_one_process(lambda signature: signature, tmp_path / "file" / "kernel.lock")("f8") == "f8"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    with pytest.warns(KernelCacheWarning, match="cannot be written.*set NUMBA_CACHE_DIR") as warned:
+        for _ in range(2):
+            new = Kernel(squares._function, squares._options)
+            np.testing.assert_array_equal(new(np.arange(3.0)), [0.0, 1.0, 4.0])
+    assert len(warned) == 1
 
 
 def test_kernels_use_one_thread_unless_a_block_asks_for_more_and_none_inside_another_gets_more_than_that() -> None:

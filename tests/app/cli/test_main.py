@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import trimesh
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.core.kernel_cache import KernelCacheWarning
 from nerfnav.navigation.episode import Episode
 from nerfnav.planner import RISK, planners
 from nerfnav.planner.planners.fast import FastPlanner
@@ -81,6 +83,19 @@ def test_without_a_command_the_app_opens_stonehenge() -> None:
         assert command.__name__ == "nerfnav_app.cli.commands.serve"
         assert (arguments.place, arguments.host, arguments.port) == ("stonehenge", "127.0.0.1", 8080)
     assert parse(["--open", "--port", "8090"])[1].open
+
+
+def test_a_warning_of_nerfnav_is_one_sentence_and_others_name_their_place(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    def warn(arguments: Any) -> None:
+        warnings.warn("a folder cannot be written", KernelCacheWarning, stacklevel=1)
+        warnings.warn("of a library", UserWarning, stacklevel=1)
+
+    monkeypatch.setattr("nerfnav_app.cli.commands.scenes.run", warn)
+    monkeypatch.setattr(warnings, "showwarning", lambda message, *rest, **more: print(message, file=sys.stderr))
+    assert main(["scenes"]) == 0
+    assert capsys.readouterr().err == "nerfnav: a folder cannot be written\nof a library\n"
 
 
 def test_scenes_lists_the_ten_tasks_of_the_authors_and_the_headline(capsys: Capture) -> None:
