@@ -1,8 +1,9 @@
 """Compile the kernels of plans and flights; `python -m nerfnav_app.kernels_ahead` does so once for each machine.
 
-The app begins it (system.py) on a machine that has not compiled them, while the user looks at the page. It starts with
-what a first plan needs last, so that two cores compile different kernels; each process waits for what the other one
-compiles (nerfnav/core/jit.py).
+The app begins it (system.py) on a machine that has not compiled them, while the user looks at the page. The page's own
+process compiles too (`warm_up` in jobs/open/opening.py, and the first plan): this one starts with what a first plan
+needs last, so that two cores compile different kernels, and each waits for what the other one compiles
+(nerfnav/core/jit.py).
 """
 
 import os
@@ -19,6 +20,7 @@ from nerfnav_app.jobs.plan import plan as plan_job
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import open_place
+from nerfnav_app.system import TORCH_THREADS
 
 _NICENESS = 5
 """The page goes first."""
@@ -42,4 +44,5 @@ def compile_kernels() -> None:
 if __name__ == "__main__":
     with suppress(AttributeError):  # Windows has none
         os.nice(_NICENESS)
+    torch.set_num_threads(TORCH_THREADS)
     compile_kernels()

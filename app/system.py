@@ -70,9 +70,8 @@ def compiling_kernels() -> Iterator[None]:
         return
     # -P: nothing is imported from the folder that the user is in
     command = [sys.executable, "-P", "-m", "nerfnav_app.kernels_ahead"]
-    threads = os.environ | {"OMP_NUM_THREADS": "1"}
     # a session of its own: Ctrl-C is for this process, which then ends that one
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=threads, start_new_session=True)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     try:
         yield
     finally:

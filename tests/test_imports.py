@@ -29,7 +29,7 @@ WALL = ("planner", "estimator", "navigation", "tracking")
 ROOMS: dict[str, tuple[str, ...]] = {
     "cli": ("server", "live_server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
     "server": ("page", "page_server", "worker", "ui_loop", "state", "places", "security"),
-    "kernels_ahead": ("jobs", "places"),
+    "kernels_ahead": ("jobs", "places", "system"),
     "live_server": ("security", "system"),
     "ui_loop": ("reducers", "state"),
     "page_server": ("page.kit.theme", "places", "security"),
@@ -146,7 +146,9 @@ OWN_PROCESS = tuple(
 )
 """Modules of the library that may start a process: COLMAP aborts the one that it runs in, and logs to its terminal;
 trials run at the same time."""
-SETTING_THREADS = tuple(f"nerfnav_app.{name}" for name in ("worker", "live_server", "cli.progress", "benchmarks"))
+SETTING_THREADS = tuple(
+    f"nerfnav_app.{name}" for name in ("worker", "live_server", "kernels_ahead", "cli.progress", "benchmarks")
+)
 """Modules of app/ that may set the number of threads of torch."""
 IMPORT_NAMES = {"app": "nerfnav_app", "scenes": "nerfnav_scenes"}
 """Folders to their import names, by links in packaging/: other projects have a folder app/ on their path, too."""
