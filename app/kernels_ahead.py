@@ -7,11 +7,13 @@ needs last, so that two cores compile different kernels, and each waits for what
 """
 
 import os
+import sys
+import warnings
 from contextlib import suppress
 
 import torch
 
-from nerfnav.core.kernel_cache import complete_mark
+from nerfnav.core.kernel_cache import KernelCacheWarning, can_be_kept, complete_mark
 from nerfnav.core.steps import run_steps
 from nerfnav.planner import FastPlanConfig, PlanProblem, replan_from
 from nerfnav_app.jobs.fly import fly
@@ -45,4 +47,9 @@ if __name__ == "__main__":
     with suppress(AttributeError):  # Windows has none
         os.nice(_NICENESS)
     torch.set_num_threads(TORCH_THREADS)
+    warnings.simplefilter("error", KernelCacheWarning)
+    try:
+        can_be_kept()
+    except KernelCacheWarning as warning:
+        sys.exit(f"nerfnav: {warning}")
     compile_kernels()

@@ -87,8 +87,8 @@ def _can_be_written(folder: Path) -> bool:
         folder.mkdir(parents=True, exist_ok=True)
     if folder.is_dir() and os.access(folder, os.W_OK):
         return True
-    message = f"{folder} cannot be written: each start compiles kernels anew; set NUMBA_CACHE_DIR to a folder that can"
-    warnings.warn(message, KernelCacheWarning, stacklevel=2)
+    remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
+    warnings.warn(f"{folder} cannot be written: each start compiles kernels anew; {remedy}", KernelCacheWarning, 2)
     return False
 
 

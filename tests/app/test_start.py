@@ -87,6 +87,15 @@ def test_kernels_are_compiled_in_another_process_where_that_helps_until_the_app_
     assert [process.returncode for process in started] == [-signal.SIGTERM] * begins
 
 
+def test_where_kernels_cannot_be_kept_compiling_them_ahead_is_refused_in_one_sentence() -> None:
+    nowhere = os.environ | {"NUMBA_CACHE_DIR": str(Path(__file__))}  # a file, in which there is no folder
+    done = subprocess.run(
+        [sys.executable, "-m", "nerfnav_app.kernels_ahead"], env=nowhere, capture_output=True, text=True, timeout=300
+    )
+    (sentence,) = done.stderr.splitlines()
+    assert done.returncode == 1 and sentence.startswith("nerfnav: ") and "set NUMBA_CACHE_DIR" in sentence
+
+
 _FLOWN = """
 from nerfnav.core.jit import report_compilation
 from nerfnav.core.steps import run_steps
