@@ -57,7 +57,10 @@ class Kernel:
         fused its operations, and the copy that is loaded first would serve all: results would depend on the order.
         """
         part = {"cache": False, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        return self._made(self._options | part | {"pipeline_class": _compiler_of_parts()}, cache_folder())
+        made = self._made(self._options | part | {"pipeline_class": _compiler_of_parts()}, cache_folder())
+        resolved = made.get_call_template
+        made.get_call_template = lambda arguments, named: resolved(_without_values(arguments), named)
+        return made
 
     @cached_property
     def _dispatcher(self) -> Any:
@@ -102,6 +105,19 @@ def kernel(*, parallel: bool = False, exact: bool = False) -> Callable[[Any], Ke
         return Kernel(inspect.unwrap(function), options)
 
     return decorate
+
+
+def _without_values(types: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return types without the values of whole numbers, for each of which numba would compile a part anew.
+
+    These are in the types of numbers as they stand in a call, and of those that a variable begins with.
+    """
+    from numba.core.types import Tuple, UniTuple, unliteral
+
+    return tuple(
+        type(one).from_types(_without_values(one.types)) if isinstance(one, Tuple | UniTuple) else unliteral(one)
+        for one in types
+    )
 
 
 @cache
