@@ -1,12 +1,13 @@
 """Checks of types and shapes in tests: of the first calls of each function of nerfnav in each test.
 
 jaxtyping binds and checks the arguments of each call anew. For functions that a test calls thousands of times, that
-took a third of the time of all tests, and told nothing more.
+took a third of the time of all tests, and told nothing more. Functions without shapes are left to beartype alone.
 """
 
 import dataclasses
 import functools
 import inspect
+import typing
 from collections.abc import Callable
 from typing import Any
 
@@ -58,10 +59,16 @@ def _checked_at_first(function: Callable[..., Any], typechecker: Any) -> Callabl
             return function(*arguments, **named)
         calls += 1
         if checked is None:
-            checked = _every_call(function, typechecker=typechecker)
+            shaped = any(_has_shape(kind) for kind in inspect.get_annotations(function).values())
+            checked = _every_call(function, typechecker=typechecker) if shaped else typechecker(function)
         return checked(*arguments, **named)
 
     return call
+
+
+def _has_shape(kind: Any) -> bool:
+    """Check whether an annotation has arrays with shapes in it, or a name, which may stand for such."""
+    return isinstance(kind, str | type(jaxtyping.AbstractArray)) or any(map(_has_shape, typing.get_args(kind)))
 
 
 def use() -> None:
