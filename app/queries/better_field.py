@@ -45,7 +45,7 @@ class BetterFieldQuery(Query[Refinement]):
     """File of the field."""
     quality: QualityName
     """Quality of the field, which gives the time for its colours."""
-    steps: int = 0
+    step_count: int = 0
     """Number of steps that were made."""
     refinement: Refinement | None = field(default=None, repr=False, compare=False)
     """Refinement after these steps; None before the first."""
@@ -67,7 +67,7 @@ class BetterFieldQuery(Query[Refinement]):
         if last is None or last.file != place.file:
             yield cls(source, place.file, session.quality)
         else:
-            yield replace(last, steps=last.steps + 1, refinement=cls.result_in(session))
+            yield replace(last, step_count=last.step_count + 1, refinement=cls.result_in(session))
 
     def is_answered(self, session: Session) -> bool:
         """Return False: the kept result is that of an earlier step."""

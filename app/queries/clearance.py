@@ -1,6 +1,6 @@
 """Query for the clearance of the motion that is shown, step by step: of the plan, or of that in flight."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ from nerfnav.planner import OccupancyConfig, PathDensity, SafetyConfig, count_mo
 from nerfnav.planner.risk.tracking_error import tracking_deviations
 from nerfnav.robots import Motion, NoiseModel, Robot, StateNoise
 from nerfnav_app.places.derived import expect_noise_in, planning_robot, prepare_place
-from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.queries.query import LongQuery, Resources
 from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
 
@@ -79,7 +79,7 @@ def find_shown_motion(session: Session) -> ShownMotion | None:
 
 
 @dataclass(frozen=True, eq=False)
-class ClearanceQuery(Query[Clearance]):
+class ClearanceQuery(LongQuery[Clearance]):
     """Query for the clearance of a motion. Two queries for the same motion are equal."""
 
     reads_field: ClassVar[bool] = True
@@ -129,15 +129,22 @@ class ClearanceQuery(Query[Clearance]):
         return cls.result_in(session) if lags or asked.shown.motion is shown.motion else None
 
     @torch.no_grad()
-    def answer(self, resources: Resources) -> Clearance:
-        """Measure the densities around the body at each step, and the distance from announced movers, as plans do."""
+    def steps(self, resources: Resources) -> Generator[None, None, Clearance]:
+        """Measure the densities around the body at each step, and the distance from announced movers, as plans do.
+
+        In flight it is one step, for the next time step waits for it.
+        """
         place = prepare_place(resources.place, self.unknown)
         motion, body, config = self.shown.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
         bound = PathDensity.of(place.field, motion, body).bound_per_step
         count = len(motion.actions)
         parts = np.array_split(np.arange(count), min(_STRETCHES, count) if self.hurried else count) if count else []
-        room = [measure_clearance(place.field, _cut(motion, part), body, config) for part in parts]
+        room = []
+        for part in parts:
+            room.append(measure_clearance(place.field, _cut(motion, part), body, config))
+            if not self.hurried:
+                yield
         # where nothing is within reach, the clearance is at least the reach
         clearance = np.repeat([reach if free is None else free for free in room], [len(part) for part in parts])
         if place.announced_movers is not None:

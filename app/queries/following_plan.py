@@ -4,18 +4,19 @@ for the duration with which a plan keeps the robot's limits.
 The plan job makes them: with their verdict, or as drafts, as while a hand moves an end or an obstacle.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav.core.steps import run_steps
 from nerfnav.planner import FLYABLE, PlanOutcome, PlanResult, PlanStep, planners
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobRun
 from nerfnav_app.jobs.plan import plan
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.placed_obstacles import PlacedObstaclesQuery
-from nerfnav_app.queries.query import PlanQuery, Query, Resources
+from nerfnav_app.queries.query import LongQuery, PlanQuery, Resources
 from nerfnav_app.state.plan import LONGEST_S, PlanRecord
 from nerfnav_app.state.session import Session
 
@@ -54,16 +55,25 @@ def plan_request(record: PlanRecord, resources: Resources) -> plan.PlanRequest:
 
 def make_plan(request: plan.PlanRequest, place: Place) -> SessionPlan:
     """Run the plan job to its end."""
-    planning = JobRun(plan.run(request, place))
+    return run_steps(plan_in_steps(request, place))
+
+
+def plan_in_steps(request: plan.PlanRequest, place: Place) -> Generator[None, None, SessionPlan]:
+    """Run the plan job step by step; a draft in one step, for a hand waits for it."""
+    planning, steps = JobRun(plan.run(request, place)), list[PlanStep]()
     try:
-        steps = tuple(event for event in planning if isinstance(event, PlanStep))
+        for event in planning:
+            if isinstance(event, PlanStep):
+                steps.append(event)
+            if not request.draft:
+                yield
     except NerfnavError as error:
         return SessionPlan(refusal=str(error))
-    return SessionPlan(steps[-1:] if request.draft else steps, planning.result.summary)
+    return SessionPlan(tuple(steps[-1:] if request.draft else steps), planning.result.summary)
 
 
 @dataclass(frozen=True)
-class FollowingPlanQuery(Query[SessionPlan]):
+class FollowingPlanQuery(LongQuery[SessionPlan]):
     """Query for the plan of a record, by the robot that was chosen then."""
 
     record: PlanRecord
@@ -93,10 +103,11 @@ class FollowingPlanQuery(Query[SessionPlan]):
             record = replace(session.new_plan(session.ends), draft=first)
             yield cls(record, session.choice.robot, session.jobs_begun, session.history.travels, last)
 
-    def answer(self, resources: Resources) -> SessionPlan:
+    def steps(self, resources: Resources) -> Generator[None, None, SessionPlan]:
         """Run the plan job."""
         request = plan_request(self.record, resources)
-        return make_plan(replace(request, draft=self.record.draft, warm_start=self.last), resources.place)
+        request = replace(request, draft=self.record.draft, warm_start=self.last)
+        return plan_in_steps(request, resources.place)
 
     def apply(self, session: Session, result: SessionPlan) -> Session:
         """Show the plan, unless a job has begun since, another robot was taken, or undo brought another plan back.
@@ -114,7 +125,7 @@ class FollowingPlanQuery(Query[SessionPlan]):
         return replace(session, plan=record)
 
 
-class MoreTimeQuery(PlanQuery[float | None]):
+class MoreTimeQuery(PlanQuery[float | None], LongQuery[float | None]):
     """Query for the duration with which a plan keeps the robot's limits [s]; None where more time does not help."""
 
     @classmethod
@@ -126,7 +137,7 @@ class MoreTimeQuery(PlanQuery[float | None]):
         if plan.outcome is PlanOutcome.OVER_LIMITS:
             yield cls(plan)
 
-    def answer(self, resources: Resources) -> float | None:
+    def steps(self, resources: Resources) -> Generator[None, None, float | None]:
         """Plan with more and more time."""
         plan = self.plan
         seconds = plan.settings.duration_s
@@ -138,4 +149,5 @@ class MoreTimeQuery(PlanQuery[float | None]):
             outcome = make_plan(replace(request, draft=True), resources.place).outcome
             if outcome is not PlanOutcome.OVER_LIMITS:
                 return seconds if outcome in FLYABLE else None
+            yield
         return None

@@ -5,10 +5,11 @@ complete in itself: its answer reads nothing of the session. catalog.py lists th
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Generator, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
+from nerfnav.core.steps import run_steps
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig
 from nerfnav_app.places.place import Place
@@ -62,6 +63,12 @@ class Query(ABC, Generic[Result]):
     def answer(self, resources: Resources) -> Result:
         """Compute the result. Raises NerfnavError where there is none."""
 
+    def steps(self, resources: Resources) -> Generator[None, None, Result]:
+        """Compute the result step by step: between two steps the worker answers what is more urgent, and drops what is
+        not asked any more. Raises as `answer` does."""
+        yield from ()
+        return self.answer(resources)
+
     def apply(self, session: Session, result: Result) -> Session:
         """Take the result into the session: by default it is kept in its slot, for `result_in`.
 
@@ -86,6 +93,19 @@ class Query(ABC, Generic[Result]):
         """Return the kept result; None where there is none."""
         kept = session.results.get(cls if slot is None else slot)
         return None if kept is None else kept[1]
+
+
+@dataclass(frozen=True)
+class LongQuery(Query[Result]):
+    """Request whose answer takes so long that a hand must not wait for it: it goes in steps."""
+
+    @abstractmethod
+    def steps(self, resources: Resources) -> Generator[None, None, Result]:
+        """Compute the result step by step. Raises NerfnavError where there is none."""
+
+    def answer(self, resources: Resources) -> Result:
+        """Compute the result in one go. Raises as `steps` does."""
+        return run_steps(self.steps(resources))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ georeferenced field has a folder of its own.
 """
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -93,9 +93,9 @@ class NavigationBackend:
         if self._requests is not None:
             self._requests.follow(session)
 
-    def answer(self, place: Place, query: Query[Any]) -> Any:
-        """Answer a query of the page."""
-        return query.answer(self._resources(place))
+    def steps(self, place: Place, query: Query[Any]) -> Generator[None, None, Any]:
+        """Answer a query of the page, step by step."""
+        return query.steps(self._resources(place))
 
     def change(self, change: RunChange) -> RunChanged:
         """Rename or delete a stored run; report the problem where that fails."""

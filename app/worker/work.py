@@ -1,5 +1,6 @@
 """Protocol of the worker's work: begin a job, answer a query, change a stored run, follow the session."""
 
+from collections.abc import Generator
 from typing import Any, Protocol
 
 from nerfnav_app.jobs.events import JobEvents
@@ -18,8 +19,8 @@ class Work(Protocol):
         """Begin a job; its events are computed as they are taken."""
         ...
 
-    def answer(self, place: Place, query: Query[Any]) -> Any:
-        """Answer a query of the page."""
+    def steps(self, place: Place, query: Query[Any]) -> Generator[None, None, Any]:
+        """Answer a query of the page, step by step."""
         ...
 
     def change(self, change: RunChange) -> RunChanged:

@@ -129,7 +129,9 @@ class Worker:
             session = self._wanted
             query = self._queries.take(session, self._busy(session)) if session is not None else None
         if session is not None and query is not None:
-            self._post(self._queries.answer(session, query))
+            answered = self._queries.answer(session, query)
+            if answered is not None:
+                self._post(answered)
 
     def _open_changes(self, session: Session) -> list[RunChange]:
         """List the changes of stored runs that are not made yet; each is made once."""

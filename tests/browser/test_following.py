@@ -1,7 +1,7 @@
 """The plan follows the hand, and what is shown is what is flown."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any
 
 import numpy as np
@@ -74,16 +74,16 @@ def drag(tab: Tab, distance: float) -> None:
 
 def timed_drafts(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """How long each draft takes that is made from now on [s]."""
-    answer, took = FollowingPlanQuery.answer, []
+    steps, took = FollowingPlanQuery.steps, []
 
-    def timed(query: FollowingPlanQuery, resources: Resources) -> SessionPlan:
+    def timed(query: FollowingPlanQuery, resources: Resources) -> Generator[None, None, SessionPlan]:
         began = time.monotonic()
-        plan = answer(query, resources)
+        plan = yield from steps(query, resources)
         if query.record.draft:
             took.append(time.monotonic() - began)
         return plan
 
-    monkeypatch.setattr(FollowingPlanQuery, "answer", timed)
+    monkeypatch.setattr(FollowingPlanQuery, "steps", timed)
     return took
 
 

@@ -166,11 +166,13 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     if overlap and planned.outcome in FLYABLE:
         planned = replace(planned, outcome=PlanOutcome.TOUCHES_MESH)
         yield planned
+    yield Progress("judging", 1.0)  # again and again, so that the page can drop it where a hand begins to drag
     expected = _expect_sigma(planned.motion, request, flight, place)
     blind = flight.most_blind is not None and expected is not None and expected.blind_share > flight.most_blind
     if blind and planned.outcome in FLYABLE:
         planned = replace(planned, outcome=PlanOutcome.TOO_RISKY)
         yield planned
+    yield Progress("judging", 1.0)
     summary = summary_of(planned, planning, worked_s, overlap, _risk_of(planned.motion, request, place), expected)
     summary |= describe_move(given, request.ends)
     return JobResult(summary, () if out is None else save(out, planned.motion, planning, summary, request.unknown))

@@ -4,8 +4,8 @@ import itertools
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numba.core.event
@@ -18,6 +18,7 @@ from nerfnav_app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult
 from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries import catalog
 from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
@@ -270,6 +271,73 @@ def test_a_plan_that_was_asked_for_before_the_last_one_was_shown_is_shown_too(
     until(lambda: asked_plans(work) == 2, "the next plan is not begun")  # before the first answer is taken in
     loop.until(lambda: loop.session.fresh_plan is not None)
     assert loop.session.plan is not None and loop.session.plan.ends.goal == goals[1].end
+
+
+@dataclass
+class Measuring(ScriptedWork):
+    """Work that measures clearances in many steps; `left` allows for so many."""
+
+    left: int = 1_000_000
+    begun: int = 0
+    dropped: list[Query[Any]] = field(default_factory=list)
+
+    def steps(self, place: Any, query: Any) -> Generator[None, None, Any]:
+        answer = super().steps(place, query)
+        if not isinstance(query, ClearanceQuery):
+            return (yield from answer)
+        self.begun += 1
+        try:
+            while self.left > 0:
+                self.left -= 1
+                yield
+            return (yield from answer)
+        except GeneratorExit:
+            self.dropped.append(query)
+            raise
+
+    @classmethod
+    def with_plan(cls) -> "Measuring":
+        """Work whose plans are good at once."""
+        return cls({JobKind.PLAN: [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]})
+
+
+def test_a_hand_does_not_wait_for_the_rest_of_a_long_answer(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    work = Measuring.with_plan()
+    loop = loop_for(work)
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.fresh_plan is not None and work.begun == 1)
+    loop.take(m.MoveEnd(EndRole.GOAL, End((0.5, -0.5, 0.4)), held=True))
+    loop.until(lambda: asked_plans(work) == 1)
+    assert work.left > 0 and len(work.dropped) == 1, "the plan waits until the clearance of the last one is measured"
+
+
+def test_a_long_answer_goes_on_after_what_is_more_urgent(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    work = Measuring.with_plan()
+    loop = loop_for(work)
+    loop.take(m.StartPlan())
+    loop.until(lambda: work.begun == 1)
+    loop.take(m.MoveEnd(EndRole.GOAL, End((0.5, -0.5, 0.4))))
+    loop.until(lambda: asked_plans(work) == 1)
+    work.left = 0
+    loop.until(lambda: ClearanceQuery.result_in(loop.session) is not None)
+    assert work.begun == 1 and not work.dropped
+
+
+def test_a_long_answer_begins_again_in_another_place(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    loop = loop_for(Measuring.with_plan())
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.fresh_plan is not None and loop.session.job is None)
+    loop.worker.stop()
+    work = Measuring()
+    queries, session = OpenQueries(work), loop.session
+    (query,) = (query for query in pending_queries(session) if isinstance(query, ClearanceQuery))
+    assert queries.answer(session, query) is None and queries.answer(session, query) is None
+    assert work.begun == 1
+    assert session.place is not None
+    elsewhere = replace(session, place=replace(session.place, name="another"))
+    assert queries.take(elsewhere, busy=False) is not None and work.dropped == [query]
+    work.left = 0
+    assert queries.answer(elsewhere, query) is not None and work.begun == 2
 
 
 def test_a_query_whose_answer_came_too_late_is_asked_again_and_one_that_failed_is_not(
