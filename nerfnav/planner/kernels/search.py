@@ -69,8 +69,10 @@ _ROOM, _MOST_MOVES = 4096, 28
 
 
 @kernel()
-def cheapest_path(prices, guide, room, ends, turn, greed):
+def cheapest_path(prices, guide, room, ends, turn, greed, most):
     """Search the cheapest path between two `ends`: nodes (n, 4), heading and voxel, both ends included; n = 0: none.
+
+    Returns these, and False where the search was given up, for it had looked at more than `most` nodes.
 
     `prices` (m, nx, ny, nz) are for m headings over half a turn, and a full turn has 2 m; with m = 1 headings do not
     matter. A move costs its length, in voxels, times the mean price of its two voxels; to turn by one heading costs
@@ -93,6 +95,7 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     cost[first] = 0.0
     queue, size = (np.empty(_ROOM), np.empty(_ROOM, np.int64)), 1
     queue[0][0], queue[1][0] = 0.0, first
+    closed = 0
     while size > 0:
         node, size = queue[1][0], size - 1
         pop(queue, size)
@@ -100,6 +103,9 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
             break
         if moves[node] & _CLOSED:
             continue  # a cheaper way here was found after this entry was queued
+        closed += 1
+        if closed > most:
+            return np.zeros((0, 4), np.int64), False
         moves[node] |= _CLOSED
         if size + _MOST_MOVES > queue[0].shape[0]:
             queue = grown(queue)
@@ -140,7 +146,7 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
                 turned = turn * min(abs(heading - goal[0]), around - abs(heading - goal[0]))
                 push(queue, size, total + greed * (ahead + turned), other)
                 size += 1
-    return _trace(moves, (first, last), (nx, ny, nz), around)
+    return _trace(moves, (first, last), (nx, ny, nz), around), True
 
 
 @kernel()

@@ -24,6 +24,9 @@ _LARGE = 1 << 18
 """Voxels from which on a search is guided by a coarse map: it pays from there on."""
 _NEARLY = 1.1
 """Ratio of the first path's cost to the least there: in open space very many are about as cheap."""
+_MORE_GREED, _MOST = (2.0, 4.0), 1 << 17
+"""On a large map, a search that looks at more nodes than this begins again with more greed, the last one to its end:
+where the cheap way is dangerous, all that costs less than it would be looked at."""
 _GREEDIER = 2.0
 """Factor on the greed of later searches where risk makes prices differ much more than the straight line estimates."""
 
@@ -124,9 +127,15 @@ def cheapest_path(
     greed: float,
     guide: Float[np.ndarray, "cx cy cz"],
 ) -> Int[np.ndarray, "n 4"]:
-    """Search as the kernel of this name; no row where there is no path."""
+    """Search as the kernel of this name, with more greed where that takes too long; no row where there is no path."""
     nodes = prices.size * (2 if len(prices) > 1 else 1)
-    return search.cheapest_path(prices, guide, (np.empty(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
+    later = [more for more in _MORE_GREED if more > greed] if prices.size > _LARGE else []
+    while True:
+        room = np.empty(nodes), np.zeros(nodes, np.uint8)
+        path, complete = search.cheapest_path(prices, guide, room, ends, turn, greed, _MOST if later else nodes)
+        if complete:
+            return path
+        greed = later.pop(0)
 
 
 def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:

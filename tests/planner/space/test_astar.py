@@ -3,6 +3,7 @@
 import heapq
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,6 +169,30 @@ def test_greed_finds_a_way_that_costs_at_most_so_much_more():
     assert best <= quick <= 1.5 * best
 
 
+@pytest.mark.parametrize("is_open", [True, False])
+def test_a_search_that_takes_too_long_begins_again_with_more_greed(is_open: bool, monkeypatch: pytest.MonkeyPatch):
+    prices = np.ones((1, 40, 40, 20))
+    prices[0, 20] = np.inf
+    prices[0, 20, 18:22, 8:12] = 400.0 if is_open else np.inf  # the only door is dangerous
+    ends = np.array([0, 5, 20, 10]), np.array([0, 35, 20, 10])
+    least = cheapest_path(prices, ends, 0.0, 1.0, UNGUIDED)
+    tried = []
+
+    def noted(*arguments: Any) -> Any:
+        found = kernel_path(*arguments)
+        tried.append((arguments[5], found[1], np.count_nonzero(arguments[2][1] & 128)))
+        return found
+
+    monkeypatch.setattr(astar.search, "cheapest_path", noted)
+    monkeypatch.setattr(astar, "_LARGE", 1000)
+    monkeypatch.setattr(astar, "_MOST", 2000)
+    path = cheapest_path(prices, ends, 0.0, 1.1, UNGUIDED)
+    assert [(greed, complete) for greed, complete, _ in tried] == [(1.1, False), (2.0, False), (4.0, True)]
+    assert all(closed <= 2000 for _, complete, closed in tried if not complete)
+    assert (len(path) > 0) is is_open
+    assert not is_open or cost_of(path[:, 1:], prices[0]) <= 4 * cost_of(least[:, 1:], prices[0])
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_coarse_map_guides_to_the_cheapest_way(seed: int):
     generator = np.random.default_rng(seed)
@@ -209,7 +234,9 @@ def test_later_ways_among_raised_prices_are_found_without_a_search_of_the_whole_
         for way in range(5):
             moves = np.zeros(prices.size, np.uint8)
             guide = costs_to(prices, ends[1], way == 0 or least)
-            path = kernel_path(prices, guide, (np.empty(prices.size), moves), ends, 0.0, 3.0 if way else 1.1)
+            room, greed = (np.empty(prices.size), moves), 3.0 if way else 1.1
+            path, complete = kernel_path(prices, guide, room, ends, 0.0, greed, prices.size)
+            assert complete
             raise_prices(prices, path, 3, 3.0)
             count += np.count_nonzero(moves)
             assert 0 < len(path) < 60
