@@ -47,8 +47,8 @@ def invert_tone_map(displayed: Light) -> Light:
     most = displayed.max(-1, keepdims=True)
     saturation = 1 - displayed.min(-1, keepdims=True) / np.maximum(most, 1e-9)
     displayed = displayed * np.minimum(1, (1 - _PURE * saturation**4) / np.maximum(most, 1e-9))
-    value = np.clip(displayed @ np.linalg.inv(_OUT).T, 0, _BRIGHTEST)
+    value = np.clip(displayed @ np.linalg.inv(_OUT).T.astype(displayed.dtype), 0, _BRIGHTEST)
     # the positive root of the curve's quadratic equation
     square, line, rest = 1 - _BOTTOM[0] * value, _TOP[0] - _BOTTOM[1] * value, -(_TOP[1] + _BOTTOM[2] * value)
     root = (-line + np.sqrt(line**2 - 4 * square * rest)) / (2 * square)
-    return np.maximum(root / _EXPOSURE @ np.linalg.inv(_IN).T, 0)
+    return np.maximum(root / _EXPOSURE @ np.linalg.inv(_IN).T.astype(displayed.dtype), 0)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import trimesh
 
 _MOST_TEXELS = 1 << 22
-_AT_ONCE = 1 << 18  # points
+_AT_ONCE = 1 << 16  # points: 0.1 s, which a hand may wait
 _ABOVE = 1.0
 """Rays begin so far above the surface, in lengths of `finest`."""
 _DEEPEST, _LEAST_OPACITY = 8.0, 0.5
