@@ -18,10 +18,10 @@ import torch
 from nerfnav.core.errors import NerfnavError
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief
-from nerfnav.field import Field, UnknownSpace, planning_field
+from nerfnav.field import Field, GridField, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
 from nerfnav.live.setpoints import place_on_curve, predict_guided, setpoints_of, shift_half_step_back
-from nerfnav.navigation import NavigateConfig, SafetyFilter, build_safe_planner, estimate_flight_time
+from nerfnav.navigation import NavigateConfig, SafetyFilter, build_safe_planner, estimate_flight_time, expect_noise
 from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.planner import (
     FLYABLE,
@@ -98,6 +98,7 @@ class Guide:
     def __init__(self, field: Field, robot: Robot, config: GuideConfig | None = None) -> None:
         """Plan nothing yet. The map of the field is made for the first goal, or by `map_at`."""
         self.field, self.robot = planning_field(field, UnknownSpace.OCCUPIED), robot
+        self._seen = field
         self.config = GuideConfig() if config is None else config
         self._course: _Course | None = None
         self._maps: dict[float | None, OccupancyMap] = {}
@@ -194,9 +195,16 @@ class Guide:
         if id(occupancy) not in self._pilots:
             self._pilots[id(occupancy)] = build_safe_planner(
                 planners.load("fast"), self.field, occupancy, self.robot, self.config.planning,
-                NoiseModel(self.config.noise),
+                self._expect_noise(occupancy),
             )
         return self._pilots[id(occupancy)]
+
+    def _expect_noise(self, occupancy: OccupancyMap) -> NoiseModel:
+        """Expect the noise of the vehicle in the place, as flights do: with what its pictures leave unknown there."""
+        config = NavigateConfig(noise=self.config.noise)
+        if isinstance(self._seen, GridField):
+            config = replace(config, filter=config.filter.for_field(self._seen.info))
+        return expect_noise(self._seen, occupancy, self.robot, config)
 
     def _given_up(self, reason: str) -> Guidance:
         self._course = None

@@ -11,7 +11,8 @@ from nerfnav.field import Field
 from nerfnav.live.answer import Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
 from nerfnav.planner import fits
-from nerfnav.robots import DiffDrive, Quadrotor, RigidState, StateNoise
+from nerfnav.robots import DiffDrive, NoiseModel, Quadrotor, RigidState, StateNoise
+from tests.estimator.places import voxel_balls
 from tests.planner.halls import Block, Building, field_of, shell_of
 
 SIZE = (3.0, 2.0, 1.4)
@@ -51,6 +52,16 @@ def test_the_way_to_the_goal_leads_through_the_door(guide: Guide) -> None:
     assert told.setpoints[0].time == 10.0 and told.setpoints[-1].position == pytest.approx(GOAL.position, abs=1e-5)
     assert max(point.position[1] for point in told.setpoints) > 1.3
     assert_is_clear(guide.field, told)
+
+
+def test_plans_allow_for_what_pictures_leave_unknown_in_the_place() -> None:
+    balls, errors = voxel_balls(), []
+    for noise_std in (0.02, 0.5):
+        field = replace(balls, info=replace(balls.info, noise_std=noise_std))
+        _, safety_filter = Guide(field, ROBOT)._pilot(0.4)
+        assert safety_filter is not None
+        errors.append(safety_filter.noise.estimate.position_m)
+    assert errors[0] == NoiseModel().estimate.position_m and errors[1] > 2 * errors[0]
 
 
 @pytest.mark.slow
