@@ -213,9 +213,8 @@ def _colors(
         about = (normals, np.ascontiguousarray(triangles[:, 0]), facing, nearest)
         splat_colors(lattice, (points, colors, some), about, signed, sums)
         yield EditStep("colouring the surface", 0.6 + 0.4 * start / len(drawn))
-    weight, color = sums[..., :1], sums[..., 1:]
-    np.divide(color, 255 * weight, out=color, where=weight > 0)
-    np.copyto(color, 0.5, where=weight == 0)
+    color, seen = np.full((*grid.shape, 3), 0.5, np.float32), sums[..., 0] > 0
+    color[seen] = sums[seen, 1:] / (255 * sums[seen, :1])
     return color
 
 
