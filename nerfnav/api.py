@@ -14,7 +14,7 @@ from torch import Tensor
 import nerfnav.world as world  # loaded at its first use, which takes half a second that no plan needs
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, ConsiderCovariance, Estimator, FastFilter, FilterResult
-from nerfnav.field import Field, GridField, UnknownSpace, planning_field, render_image
+from nerfnav.field import GridField, UnknownSpace, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
     LEVEL,
@@ -70,7 +70,7 @@ def plan(
     occupancy = map_for(problem, settings.occupancy).remembering()
     noise = problem.noise
     if settings.weights.risk and noise == PAPER_NOISE:
-        noise = expect_noise(seen, occupancy, robot, _in_field(NavigateConfig(), seen))
+        noise = expect_noise(seen, occupancy, robot, NavigateConfig().in_field(seen))
     planner = FastPlanner(
         problem.field, robot, settings, settings, occupancy=occupancy, terms=problem.terms, noise=noise
     )
@@ -91,7 +91,7 @@ def fly(
     touched it, which ends the flight unless `config.fly_on`; without one it photographs the field itself, and contacts
     are not judged. The same `seed` gives the same noise. Raises as `plan` does.
     """
-    config, settings = WORLDS["paper"].configure(_in_field(config or NavigateConfig(), problem.field)), FastPlanConfig()
+    config, settings = WORLDS["paper"].configure((config or NavigateConfig()).in_field(problem.field)), FastPlanConfig()
     planned, robot, map_error = _with_solid_unknown(problem), problem.robot, ConsiderCovariance()
     if isinstance(problem.field, GridField):
         map_error = map_error if scene is None else ConsiderCovariance(problem.field.info.pose_floor, robot.mount)
@@ -145,11 +145,6 @@ def _with_solid_unknown(problem: PlanProblem) -> PlanProblem:
     """Return the problem in the field in which unseen space is solid, and holes are where the robot drives."""
     field = planning_field(problem.field, UnknownSpace.OCCUPIED)
     return replace(problem, field=close_holes(field, problem.robot, problem.start.position[2].item()))
-
-
-def _in_field(config: NavigateConfig, field: Field) -> NavigateConfig:
-    """Return a configuration whose filter has the noise and the floor of a field."""
-    return replace(config, filter=config.filter.for_field(field.info)) if isinstance(field, GridField) else config
 
 
 def _camera_function(problem: PlanProblem, scene: "world.Scene | None", camera: Camera) -> CameraFunction:

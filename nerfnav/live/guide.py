@@ -18,7 +18,7 @@ import torch
 from nerfnav.core.errors import NerfnavError
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief
-from nerfnav.field import Field, GridField, UnknownSpace, planning_field
+from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
 from nerfnav.live.setpoints import place_on_curve, predict_guided, setpoints_of, shift_half_step_back
 from nerfnav.navigation import NavigateConfig, SafetyFilter, build_safe_planner, estimate_flight_time, expect_noise
@@ -201,9 +201,7 @@ class Guide:
 
     def _expect_noise(self, occupancy: OccupancyMap) -> NoiseModel:
         """Expect the noise of the vehicle in the place, as flights do: with what its pictures leave unknown there."""
-        config = NavigateConfig(noise=self.config.noise)
-        if isinstance(self._seen, GridField):
-            config = replace(config, filter=config.filter.for_field(self._seen.info))
+        config = NavigateConfig(noise=self.config.noise).in_field(self._seen)
         return expect_noise(self._seen, occupancy, self.robot, config)
 
     def _given_up(self, reason: str) -> Guidance:

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import ConsiderCovariance, Estimator, FilterConfig
-from nerfnav.field import Field
+from nerfnav.field import Field, GridField
 from nerfnav.geometry import Pose
 from nerfnav.navigation.fallback import SafetyFilter
 from nerfnav.navigation.gust import GustStrength
@@ -121,6 +121,10 @@ class NavigateConfig:
         return cls(
             filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1), look_first=False, in_sight=0.0, fly_on=True
         )
+
+    def in_field(self, place: Field) -> "NavigateConfig":
+        """Return the configuration with the noise and the floor of a field on a grid in its filter."""
+        return replace(self, filter=self.filter.for_field(place.info)) if isinstance(place, GridField) else self
 
 
 @dataclass(frozen=True)
