@@ -96,8 +96,8 @@ def project(matrix: Matrix3) -> Matrix3:
 
 def from_yaw(yaw: Float[Tensor, "*batch"]) -> Matrix3:
     """The rotation about the world's z axis by `yaw` [rad]."""
-    zero = torch.zeros_like(yaw)
-    return exp(torch.stack([zero, zero, yaw], -1))
+    cosine, sine, zero, one = yaw.cos(), yaw.sin(), torch.zeros_like(yaw), torch.ones_like(yaw)
+    return torch.stack([cosine, -sine, zero, sine, cosine, zero, zero, zero, one], -1).reshape(*yaw.shape, 3, 3)
 
 
 def from_roll_pitch_yaw(angles: Vector3) -> Matrix3:

@@ -136,8 +136,10 @@ class Body:
 
     def points_at(self, states: RigidState) -> Float[Tensor, "*batch b 3"]:
         """Compute the places of its points in the world [m], at states of batch shape (*batch)."""
-        points_body = self.points_body.to(states.position)
-        return points_body @ states.rotation.transpose(-1, -2) + states.position[..., None, :]
+        points_body, batch = self.points_body.to(states.position), states.position.shape[:-1]
+        # one large product: many of 3 x 3 take ten times as long
+        turned = (states.rotation.reshape(-1, 3) @ points_body.mT).reshape(*batch, 3, len(points_body))
+        return turned.mT.contiguous() + states.position[..., None, :]
 
     @cached_property
     def surface(self) -> BodySurface:

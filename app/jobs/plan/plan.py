@@ -149,7 +149,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     flight = configure_flight(request, place)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    steps, planned, worked_s = plan_steps(request, place), None, 0.0
+    steps, planned, worked_s, iterations = plan_steps(request, place), None, 0.0, request.settings.iterations
     while planned is None:
         began = time.perf_counter()
         try:
@@ -158,7 +158,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
             step = planned = end.value
         worked_s += time.perf_counter() - began
         yield step
-        yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
+        yield Progress("optimising", min(1.0, (step.iteration + 1) / iterations))
     if request.draft:
         return JobResult()
     yield Progress("judging", 1.0)

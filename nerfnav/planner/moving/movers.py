@@ -87,10 +87,14 @@ class Movers:
             return np.full(steps, np.inf)
         fastest = float(states.position.diff(dim=0).norm(dim=-1).max()) + self.speed_bound * dt
         parts = min(_MOST_PARTS, max(1, int(np.ceil(fastest / _APART))))
-        poses = divide_steps(states.map(lambda part: part.detach().double()), parts)
+        states = states.map(lambda part: part.detach().double())
         times = time + dt / parts * np.arange(steps * parts + 1)
-        boxes = self.boxes(times, body)
-        gaps = boxes.gaps(poses.position.double().cpu().numpy())
+        middles, at = states.position.cpu().numpy(), np.arange(steps * parts + 1) / parts
+        places = np.stack([np.interp(at, np.arange(steps + 1), axis) for axis in middles.T], -1)
+        gaps = self.boxes(times, body).gaps(places)
+        if gaps.min() > 0:  # attitudes count where a box is entered alone
+            return _least_in_each(gaps.min(-1), parts)
+        poses = divide_steps(states, parts)
         for index, obstacle in enumerate(self.obstacles):
             near = np.flatnonzero(gaps[:, index] <= 0)
             if len(near):
@@ -98,7 +102,10 @@ class Movers:
                 own = (points - obstacle.place(times[near])[:, None]) @ obstacle.attitude
                 distance = obstacle.shape.signed_distance(own.reshape(-1, 3)).reshape(points.shape[:2])
                 gaps[near, index] = distance.min(-1)
-        least = gaps.min(-1)
-        within = np.lib.stride_tricks.sliding_window_view(least, parts + 1)[::parts]
-        return within.min(-1)
+        return _least_in_each(gaps.min(-1), parts)
+
+
+def _least_in_each(gaps: Float[np.ndarray, " times"], parts: int) -> Float[np.ndarray, " steps"]:
+    """Least gap of each step, of so many parts, both its ends among them."""
+    return np.lib.stride_tricks.sliding_window_view(gaps, parts + 1)[::parts].min(-1)
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from enum import Enum
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
@@ -78,7 +79,7 @@ class PlanProblem:
         """Return the ends and the time steps."""
         return Route(self.start, self.goal, self.steps, self.dt, self.keeps_headings, self.time)
 
-    @property
+    @cached_property
     def counted(self) -> tuple[CostTerm, ...]:
         """Return the terms of J, with that of movers where there are some."""
         return self.terms if self.movers is None else (*self.terms, movers_term(self.movers, self.time))

@@ -160,8 +160,10 @@ def _invert_with_lapack(matrix: np.ndarray, prior: float) -> np.ndarray:
     lapack, unit = scipy.linalg.lapack, np.eye(len(matrix))
     if lapack.dpotrf(matrix + 0.5 * prior * unit, lower=True, overwrite_a=True)[1] == 0:
         root, _ = lapack.dpotrf(matrix + prior * unit, lower=True, overwrite_a=True)
-        lower, _ = lapack.dpotri(root, lower=True, overwrite_c=True)
-        return np.tril(lower) + np.tril(lower, -1).T
+        lower, _ = lapack.dpotri(root, lower=True, overwrite_c=True)  # above its diagonal are zeros
+        inverse = lower + lower.T
+        np.fill_diagonal(inverse, lower.diagonal())
+        return inverse
     return _inverse_by_eigenvectors(matrix, prior)
 
 

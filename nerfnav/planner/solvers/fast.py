@@ -12,6 +12,7 @@ graze; the best few then compete with the full J, and the winner goes on alone.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice
 from typing import TypeVar
 
@@ -151,7 +152,9 @@ def improve(
         for found in islice(searches[index], config.scout.trial if len(order) > 1 else None):
             latest[index] = found
             yield desk.record(index, found.point)
-    winner = min(order, key=lambda index: _rank(desk.fine(latest[index].point.free)))
+    winner = order[0]
+    if len(order) > 1:
+        winner = min(order, key=lambda index: _rank(desk.fine(latest[index].point.free)))
     for found in searches[winner]:
         latest[winner] = found
         yield desk.record(winner, found.point)
@@ -201,13 +204,22 @@ class _Desk:
         light = replace(
             weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
         )
-        fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)  # misses nothing between densities
-        self._weights, self._fine_weights = weights, fine
-        self.objective, self.fine = self._weighing(weights), self._weighing(fine)
+        self._weights = weights
+        self.objective = self._weighing(weights)
         self._light = self._weighing(light, scout.points)
         self.scales = problem.robot.free_scales(trajectory.free).double().numpy()
         if problem.keeps_headings:
             self.scales[problem.robot.free_headings(len(self.scales))] *= _KEPT
+
+    @cached_property
+    def _fine_weights(self) -> CostWeights:
+        """Weights with so many densities that nothing is missed between them."""
+        return replace(self._config.weights, samples_per_step=_FINER * self._config.weights.samples_per_step)
+
+    @cached_property
+    def fine(self) -> Objective:
+        """J with so many densities."""
+        return self._weighing(self._fine_weights)
 
     def _weighing(self, weights: CostWeights, points: int | None = None) -> Objective:
         """Make J with other weights, and with a coarser body."""

@@ -266,7 +266,8 @@ def replan_moved_ends(
     check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
     moved = move_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
     if moved is not None and torch.isfinite(moved.free).all():
-        newton, scout = replace(config.newton, iterations=_DRAGGED), replace(config.scout, iterations=config.scout.heat)
+        newton = replace(config.newton, iterations=_DRAGGED)
+        scout = replace(config.scout, iterations=config.scout.heat, finalists=1)
         found = yield from improve(problem, (moved,), replace(config, newton=newton, scout=scout), FIRMER[-1:])
         if found.outcome not in _LOST:
             return found

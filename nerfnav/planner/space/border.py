@@ -31,7 +31,9 @@ def is_beyond(box: Box, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*bat
     """Mark points [m] beyond the border."""
     lower, upper = (edge.to(points) for edge in (box.lower, box.upper))
     rim = _RIM * (upper - lower)
-    return ((points < lower - rim) | (points > upper + rim)).any(-1)
+    edges = zip(points.unbind(-1), lower - rim, upper + rim, strict=True)
+    x, y, z = ((along < low) | (along > high) for along, low, high in edges)  # `any(-1)` takes four times as long
+    return x | y | z
 
 
 def density_within(

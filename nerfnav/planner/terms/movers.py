@@ -14,9 +14,9 @@ from torch import Tensor
 
 from nerfnav.planner.kernels import movers as kernels
 from nerfnav.planner.moving.movers import Movers
-from nerfnav.planner.risk.tracking_error import tracking_deviations
+from nerfnav.planner.risk.tracking_error import RiskContext, tracking_deviations
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap, Motion
+from nerfnav.robots import FlatMap, Motion, Robot
 
 MoverArguments = tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray], float, float]
 """First arguments of the kernel `nearness` after the positions."""
@@ -56,18 +56,19 @@ def movers_term(movers: Movers, time: float) -> CostTerm:
         return torch.where(distance > 6 * deviation, torch.zeros_like(cost), cost).sum((-3, -2, -1)) / len(fractions)
 
     def kernel(context: TermContext, weight: float) -> Kernel:
-        known = dict[tuple[int, float], MoverArguments]()
-
         def weighed(flat: FlatMap, by: Adjoint) -> float:
-            at = (len(flat.position) - 1, flat.dt)
-            if at not in known:
-                known[at] = arguments(context, *at)
-            return kernels.nearness(flat.position, *known[at], weight, by.position)
+            known = arguments(context, len(flat.position) - 1, flat.dt)
+            return kernels.nearness(flat.position, *known, weight, by.position)
 
         return weighed
 
+    known = dict[tuple[int, float, Robot, RiskContext], MoverArguments]()
+
     def arguments(context: TermContext, steps: int, dt: float) -> MoverArguments:
-        return mover_arguments(movers, time, context, steps, dt)
+        at = steps, dt, context.robot, context.risk_context
+        if at not in known:
+            known[at] = mover_arguments(movers, time, context, steps, dt)
+        return known[at]
 
     return CostTerm("movers", value, _PRICE, kernel, fused=arguments)
 
