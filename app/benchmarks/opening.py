@@ -22,10 +22,13 @@ photographs, splats."""
 COLOR_S = 60.0
 """Time to learn colours, or to train a draft [s]."""
 _CHILD = """
-import json, sys, torch
+import json, sys
 from pathlib import Path
-from nerfnav.core.errors import NerfnavError
-from nerfnav_app.jobs.open.timing import time_opening
+from nerfnav_app.system import importing
+with importing():  # as the page does
+    import torch
+    from nerfnav.core.errors import NerfnavError
+    from nerfnav_app.jobs.open.timing import time_opening
 torch.set_num_threads(1)
 source, out, began, seconds = sys.argv[1:]
 try:

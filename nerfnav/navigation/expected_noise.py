@@ -96,8 +96,9 @@ def _deviations(covariance: Float[Tensor, "12 12"]) -> Float[Tensor, "4"]:
 
 def _free_places(occupancy: OccupancyMap, draws: torch.Generator) -> Float[Tensor, "n 3"]:
     """Draw places where the body fits [m]."""
-    free = (~occupancy.occupied).nonzero()
-    return occupancy.centers(free[torch.randperm(len(free), generator=draws)[:_PLACES]])
+    free = (~occupancy.occupied).flatten().nonzero()[:, 0]
+    drawn = free[torch.randperm(len(free), generator=draws)[:_PLACES]]
+    return occupancy.centers(torch.stack(torch.unravel_index(drawn, occupancy.occupied.shape), -1))
 
 
 def _settle(

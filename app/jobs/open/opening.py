@@ -14,6 +14,7 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import NerfnavError
+from nerfnav.core.steps import map_steps
 from nerfnav.field import NeuralField, render_image
 from nerfnav.geometry import Camera, encode_image, look_at
 from nerfnav.importers import Corners, source_kind
@@ -40,7 +41,14 @@ def run(
 
     Raises NerfnavError as `open_place` does, or where no field can be made.
     """
-    file = yield from ensure_field(source, quality, box)
+    shown: list[SurfaceShaped] = []
+
+    def note_surface(event: JobEvent) -> JobEvent:
+        if isinstance(event, SurfaceShaped):
+            shown.append(event)
+        return event
+
+    file = yield from map_steps(ensure_field(source, quality, box), note_surface)
     yield Progress("opening the field", 0.05)
     place = yield from _bake_networks(opener(file))
     library = PlaceLibrary()
@@ -48,7 +56,9 @@ def run(
     place = place if kept is None else replace(place, name=kept.name)
     yield PlaceOpened(place)
     yield Progress("shaping the surface", 0.3)
-    yield SurfaceShaped(*build_first_surface(place))
+    # a mesh that is shown already stays until there is a texture
+    of_mesh = shown and place.field.info.learned_from == "mesh"
+    yield shown[-1] if of_mesh else SurfaceShaped(*build_first_surface(place))
     if place.file is not None and library.holds(source):
         library.opened(Path(source), place.file, render_thumbnail(place))
     yield from warm_up(place)

@@ -330,3 +330,24 @@ def _blocks(offset, reach, per_meter, count):
     first = math.floor((offset - reach) * per_meter / side)
     last = math.floor((offset + reach) * per_meter / side)
     return max(first, 0), min(last + 1, count)
+
+
+@kernel()
+def weigh(values, first, weights, sums):
+    """Fill `sums` (a, m, b) with weighted sums of `values` (a, n, b): for each k those of nodes first[k] on with
+    weights[k], (m, w)."""
+    inner = values.shape[2]
+    for i in range(values.shape[0]):
+        for k in range(first.shape[0]):
+            at = first[k]
+            if inner == 1:  # along the last axis: vectorised over the weights
+                total = np.float32(0.0)
+                for j in range(weights.shape[1]):
+                    total += weights[k, j] * values[i, at + j, 0]
+                sums[i, k, 0] = total
+                continue
+            for c in range(inner):
+                sums[i, k, c] = weights[k, 0] * values[i, at, c]
+            for j in range(1, weights.shape[1]):
+                for c in range(inner):
+                    sums[i, k, c] += weights[k, j] * values[i, at + j, c]

@@ -16,10 +16,11 @@ from functools import lru_cache
 
 import numpy as np
 import scipy
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from nerfnav.field import Field, origin_of
 from nerfnav.planner.kernels import terms as kernels
+from nerfnav.planner.kernels.maps import weigh
 from nerfnav.planner.risk.configuration_space import CSpace, require_map_memory
 from nerfnav.planner.risk.tracking_error import Deviation, RiskContext, tracking_deviations
 from nerfnav.planner.space.occupancy import OccupancyMap
@@ -153,9 +154,8 @@ def _interpolate(
     """Interpolate linearly at the places of a grid, which are nodes along each axis, one axis after the other."""
     for axis, places in enumerate(axes):
         below = np.clip(places.astype(int), 0, values.shape[axis] - 2)
-        rest = (places - below).clip(0, 1).astype(np.float32).reshape(np.where(np.arange(3) == axis, -1, 1))
-        first, second = (np.take(values, nodes, axis) for nodes in (below, below + 1))
-        values = first + rest * (second - first)
+        rest = (places - below).clip(0, 1).astype(np.float32)
+        values = _weigh_along(values, axis, below, np.stack([1 - rest, rest], -1))
     return values
 
 
@@ -165,8 +165,30 @@ def _layer(
     """Blur obstacles along one axis after the other, with the weights of their nodes around each place."""
     chances = blocked.astype(np.float32)
     for axis, along in enumerate(weights):
-        chances = np.moveaxis(np.tensordot(along, chances, (1, axis)), 0, axis)
+        chances = _weigh_along(chances, axis, *_near(along))
     return chances
+
+
+def _weigh_along(
+    values: Float[np.ndarray, "nx ny nz"],
+    axis: int,
+    first: Int[np.ndarray, " _m"],
+    weights: Float[np.ndarray, "_m _w"],
+) -> Float[np.ndarray, "mx my mz"]:
+    """Sum the nodes first[k], first[k] + 1, ... along an axis with the weights of each place k."""
+    shape = values.shape[:axis], values.shape[axis + 1 :]
+    result = np.empty((math.prod(shape[0]), len(first), math.prod(shape[1])), np.float32)
+    weigh(values.reshape(len(result), -1, result.shape[2]), first, weights, result)
+    return result.reshape(*shape[0], -1, *shape[1])
+
+
+def _near(weights: Float[np.ndarray, "m n"]) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, "m _w"]]:
+    """Find the first node of each place that has a weight, and the weights from there on, as many for each place."""
+    count, some = weights.shape[1], weights != 0
+    first, end = some.argmax(1), count - some[:, ::-1].argmax(1)
+    width = int((end - first)[some.any(1)].max(initial=1))
+    first = np.minimum(first, count - width)
+    return first, np.take_along_axis(weights, first[:, None] + np.arange(width), 1)
 
 
 def _weights(places: Float[np.ndarray, " m"], count: int, deviation: float) -> Float[np.ndarray, "m n"]:
