@@ -11,7 +11,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.geometry.linear import copy_matrix
-from nerfnav.robots.kernels.rotations import cross, inverse_left_jacobian, log_between, turned
+from nerfnav.geometry.rotations import cross, inverse_left_jacobian, log_between, turned
 
 
 @kernel()

@@ -11,7 +11,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.geometry.linear import copy_matrix
-from nerfnav.robots.kernels.rotations import cross, turned
+from nerfnav.geometry.rotations import cross, turned
 
 
 @kernel()

@@ -25,7 +25,7 @@ from nerfnav.estimator.photometric.kernels.levenberg_marquardt import (
 from nerfnav.estimator.photometric.kernels.probe import center, turn
 from nerfnav.field.kernels.pose_descent import ray_scratch, see_ray
 from nerfnav.geometry.linear import copy_matrix, multiply
-from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product
+from nerfnav.geometry.rotations import inverse_left_jacobian, log_between, product
 
 NEAR = 3.0
 """How far a pose may move before its rays are followed from the camera again [steps of a ray]."""

@@ -11,7 +11,7 @@ import numpy as np
 from nerfnav.core.jit import kernel
 from nerfnav.estimator.photometric.kernels.descent import pulled, sums
 from nerfnav.estimator.photometric.kernels.levenberg_marquardt import LEAST_DAMPING, MOST_DAMPING, damped_step, move
-from nerfnav.robots.kernels.rotations import product
+from nerfnav.geometry.rotations import product
 
 LEAST_DEPTH = 1e-6
 

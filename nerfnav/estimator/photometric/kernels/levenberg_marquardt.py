@@ -4,7 +4,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.geometry.linear import solve_positive
-from nerfnav.robots.kernels.rotations import turned
+from nerfnav.geometry.rotations import turned
 
 LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e7
 SLOWEST = 0.99

@@ -4,7 +4,7 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.pose_descent import probe_along, probe_scratch
-from nerfnav.robots.kernels.rotations import product
+from nerfnav.geometry.rotations import product
 
 
 @kernel()
