@@ -1,4 +1,4 @@
-"""SO(3) in scalars for compiled code: twins of geometry/so3.py."""
+"""SO(3) in scalars for compiled code: twins of so3.py, which calls them where it needs no derivative."""
 
 import math
 
@@ -107,3 +107,19 @@ def turned(rotation, x, y, z, out):
     turn[0, 1], turn[0, 2], turn[1, 2] = twice * x * y - once * z, twice * x * z + once * y, twice * y * z - once * x
     turn[1, 0], turn[2, 0], turn[2, 1] = twice * x * y + once * z, twice * x * z - once * y, twice * y * z + once * x
     product(rotation, turn, out)
+
+
+@kernel()
+def exponentials(thetas, rotations):
+    """Fill `rotations` (n, 3, 3) with Exp of `thetas` (n, 3)."""
+    one = np.eye(3)
+    for n in range(thetas.shape[0]):
+        turned(one, thetas[n, 0], thetas[n, 1], thetas[n, 2], rotations[n])
+
+
+@kernel()
+def logarithms(rotations, thetas):
+    """Fill `thetas` (n, 3) with Log of `rotations` (n, 3, 3)."""
+    one = np.eye(3)
+    for n in range(rotations.shape[0]):
+        log_between(one, rotations[n], thetas[n])

@@ -39,6 +39,24 @@ def test_log_undoes_exp_up_to_pi(angle: float):
     torch.testing.assert_close(so3.log(so3.exp(vector_of(angle))), vector_of(angle), rtol=1e-9, atol=1e-14)
 
 
+@pytest.mark.parametrize("angle", [*ANGLES, math.pi])
+def test_compiled_twins_answer_as_what_can_be_derived(angle: float):
+    theta = torch.stack([vector_of(angle), -vector_of(angle), random_vectors()]).requires_grad_()
+    rotation = so3.exp(theta)
+    torch.testing.assert_close(so3.exp(theta.detach()), rotation.detach(), rtol=0, atol=1e-14)
+    torch.testing.assert_close(so3.log(rotation.detach()), so3.log(rotation).detach(), rtol=1e-9, atol=1e-14)
+    assert so3.log(so3.exp(theta)).requires_grad and not so3.exp(theta.detach()).requires_grad
+    with torch.no_grad():
+        assert not so3.exp(theta).requires_grad
+
+
+def test_compiled_twins_keep_what_is_not_finite_visible():
+    theta = torch.tensor([[math.nan, 0.0, 0.0], [0.1, 0.2, 0.3]])
+    rotation = so3.exp(theta)
+    assert rotation[0].isnan().any() and rotation[1].isfinite().all()
+    assert so3.log(rotation)[0].isnan().any()
+
+
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0.6, 0, -0.8)])
 def test_log_of_a_half_turn_is_a_half_turn_about_the_axis(axis: tuple[float, float, float]):
     direction = torch.tensor(axis, dtype=torch.float64)

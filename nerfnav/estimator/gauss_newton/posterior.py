@@ -67,10 +67,13 @@ class UpdateProblem:
 
     def prior(self, pixels: int, halvings: int = 0) -> Prior:
         """Return the prior of a descent that compares so many pixels of a picture reduced by 2^halvings."""
-        config, noise = self.config, self.config.color_noise
-        kappa = config.pyramid.mistrust**-halvings / (self.correlated(pixels) * noise.std**2)
-        slack = config.pyramid.misplaced * self.view.grain / noise.std
-        return Prior(self._information, self.prediction.mean.pose, kappa, slack)
+        at = pixels, halvings
+        if at not in self._priors:
+            config, noise = self.config, self.config.color_noise
+            kappa = config.pyramid.mistrust**-halvings / (self.correlated(pixels) * noise.std**2)
+            slack = config.pyramid.misplaced * self.view.grain / noise.std
+            self._priors[at] = Prior(self._information, self.prediction.mean.pose, kappa, slack)
+        return self._priors[at]
 
     def correlated(self, pixels: int) -> float:
         """Return k: how many of so many pixels err alike."""
@@ -91,6 +94,11 @@ class UpdateProblem:
     def pose_information(self) -> Float[Tensor, "6 6"]:
         """Inverse covariance of the predicted pose."""
         return precision(self.prediction.covariance[POSE][:, POSE])
+
+    @cached_property
+    def _priors(self) -> dict[tuple[int, int], Prior]:
+        """Priors that were asked for, some thirty times in an update."""
+        return {}
 
     @cached_property
     def _information(self) -> Float[Tensor, "8 8"]:
