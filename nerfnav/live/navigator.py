@@ -90,7 +90,7 @@ class Navigator:
         self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
         tracking = self.config.tracker.for_field(field.info) if isinstance(field, GridField) else self.config.tracker
         self._tracker = Tracker(field, self.camera, GuidedVehicle(robot.name), self.mount, tracking)
-        self._guide = Guide(field, robot, self.config.guide)
+        self._guide = Guide(field, robot.with_camera(self.camera, self.mount), self.config.guide)
         self._clock, self._log = VehicleClock(), log
         self._followed: Guidance | None = None
         self._sightings: list[Sighting] = []

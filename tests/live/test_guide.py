@@ -8,8 +8,10 @@ import torch
 
 from nerfnav.estimator import Belief
 from nerfnav.field import Field
+from nerfnav.geometry import Camera
 from nerfnav.live.answer import Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
+from nerfnav.live.navigator import Navigator
 from nerfnav.planner import fits
 from nerfnav.robots import DiffDrive, NoiseModel, Quadrotor, RigidState, StateNoise
 from tests.estimator.places import voxel_balls
@@ -62,6 +64,15 @@ def test_plans_allow_for_what_pictures_leave_unknown_in_the_place() -> None:
         assert safety_filter is not None
         errors.append(safety_filter.noise.estimate.position_m)
     assert errors[0] == NoiseModel().estimate.position_m and errors[1] > 2 * errors[0]
+
+
+def test_plans_allow_for_what_the_given_camera_leaves_unknown() -> None:
+    errors = []
+    for camera in (None, Camera.from_fov(8, 6, 60.0)):
+        _, safety_filter = Navigator(voxel_balls(), ROBOT, camera)._guide._pilot(0.4)
+        assert safety_filter is not None
+        errors.append(safety_filter.noise.estimate.position_m)
+    assert errors[1] > 1.5 * errors[0], errors
 
 
 @pytest.mark.slow
