@@ -53,7 +53,7 @@ class TermCost:
     its value alone, once, elsewhere."""
 
 
-COST_FIELDS = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3, "movers": 4}
+COST_FIELDS = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3, "movers": 4, "delay": 5}
 """Terms of this project, each with the index of the number of a PlanCost that has it."""
 
 
@@ -71,6 +71,8 @@ class PlanCost:
     """Expected loss by collisions due to noise, see terms/risk.py; 0 in the paper."""
     movers: float = 0.0
     """Cost of coming near announced movers, see terms/movers.py; 0 in the paper."""
+    delay: float = 0.0
+    """Cost of arriving later, of plans whose arrival is put off, see terms/delay.py; 0 in the paper."""
     added: tuple[TermCost, ...] = ()
     """Terms that were added to these."""
 
@@ -88,7 +90,7 @@ class PlanCost:
     @property
     def total(self) -> float:
         """Sum of all terms: J."""
-        own = self.collision + self.control + self.limits + self.risk + self.movers
+        own = self.collision + self.control + self.limits + self.risk + self.movers + self.delay
         return own + sum(term.value for term in self.added)
 
 

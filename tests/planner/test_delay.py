@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from nerfnav.core.steps import run_steps
+from nerfnav.planner import terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
@@ -34,8 +35,25 @@ def test_its_kernel_has_the_value_and_the_derivative_of_the_reference() -> None:
     objective, free = Objective(context, ROUTE, (CONTROL, DELAY)), guess(0.3)
     by_autograd = Objective(context, ROUTE, (CONTROL, replace(DELAY, kernel=None)))
     ours, reference = objective(free), by_autograd(free)
-    assert ours.cost.added[0].value == pytest.approx(reference.cost.added[0].value, rel=1e-6) and ours.cost.added
+    assert ours.cost.delay == pytest.approx(reference.cost.delay, rel=1e-6) and ours.cost.delay > 0
     np.testing.assert_allclose(ours.gradient, reference.gradient, rtol=1e-4, atol=1e-5 * np.abs(ours.gradient).max())
+
+
+def test_all_of_j_with_it_is_one_compiled_call_and_equals_the_terms_one_by_one() -> None:
+    context = PlanProblem(room(), ROBOT, ROUTE.start, ROUTE.goal, ROUTE.steps, ROUTE.dt).context(CostWeights())
+    free = guess(0.3)
+    fused = Objective(context, ROUTE, (*terms.list_terms(), DELAY))
+    one_by_one = Objective(context, ROUTE, (*terms.list_terms(), replace(DELAY, kernel=None)))
+    assert fused.fused is not None and one_by_one.fused is None
+    ours, reference, steps = fused(free), one_by_one(free), np.full(len(free), 1e-4)
+    for name in ("collision", "control", "limits", "delay"):
+        assert getattr(ours.cost, name) == pytest.approx(getattr(reference.cost, name), rel=1e-6), name
+    assert ours.cost.delay > 0
+    for found, expected in (
+        (ours.gradient, reference.gradient),
+        (fused.effort_curvature(free, steps), one_by_one.effort_curvature(free, steps)),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
 
 
 def test_a_robot_whose_arrival_is_put_off_at_each_step_comes_near_at_once() -> None:

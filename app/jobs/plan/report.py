@@ -63,6 +63,8 @@ def _cost(cost: PlanCost) -> dict[str, Any]:
         terms["risk"] = cost.risk
     if cost.movers:
         terms["movers"] = cost.movers
+    if cost.delay:
+        terms["delay"] = cost.delay
     if cost.added:
         terms["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
     return terms

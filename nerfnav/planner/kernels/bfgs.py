@@ -104,7 +104,7 @@ def inverse_of_shifted(matrix, prior, out):
 def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
     """Go on from step `at` of a search up to step `until`, or to where J has settled.
 
-    `trace` is (points (n, k), gradients (n, k), terms of J (n, 5)); `inverses` the inverse Hessian (k, k), which is
+    `trace` is (points (n, k), gradients (n, k), terms of J (n, 6)); `inverses` the inverse Hessian (k, k), which is
     updated in place, and the one that the search began with; `fresh` says whether they are equal. `rule` is (that of
     `_search_along`, damping, patience, tolerance, least), see NewtonConfig. Returns the last step, whether J has
     settled there, and `fresh`.
@@ -129,7 +129,7 @@ def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
 @kernel()
 def _total(terms, at):
     """J at a step."""
-    return terms[at, 0] + terms[at, 1] + terms[at, 2] + terms[at, 3] + terms[at, 4]
+    return terms[at, 0] + terms[at, 1] + terms[at, 2] + terms[at, 3] + terms[at, 4] + terms[at, 5]
 
 
 @kernel()
@@ -191,12 +191,12 @@ def _search_along(trace, at, direction, lengths, parts, rule, room):
     for _ in range(most):
         for i in range(free.shape[0]):
             tried[i] = free[i] + length * direction[i]
-        terms[1], terms[2] = effort_at(tried, task, body, space, weights, room)
-        if _share(terms[1] + terms[2] - total, slope, length) <= low:
+        terms[1], terms[2], terms[5] = effort_at(tried, task, body, space, weights, room)
+        if _share(terms[1] + terms[2] + terms[5] - total, slope, length) <= low:
             length *= low
             continue
         terms[0], terms[3], terms[4] = surroundings_at(body, space, weights, room)
-        gain = terms[0] + terms[1] + terms[2] + terms[3] + terms[4] - total
+        gain = terms[0] + terms[1] + terms[2] + terms[3] + terms[4] + terms[5] - total
         if gain <= armijo * length * slope:
             gradient_at(tried, task, room, gradient)
             return True

@@ -47,6 +47,22 @@ def box_gaps(points, centers, axes, halves, gaps):
 
 
 @kernel()
+def cover(points, centers, axes, halves, margin, covered):
+    """Mark in `covered` (n, S) the points (S, 3) that are nearer than `margin` [m] to a box at each of n times."""
+    for n in range(centers.shape[0]):
+        for s in range(points.shape[0]):
+            covered[n, s] = False
+            for m in range(halves.shape[0]):
+                distance = _box_distance(
+                    points[s, 0] - centers[n, m, 0], points[s, 1] - centers[n, m, 1], points[s, 2] - centers[n, m, 2],
+                    axes[m], halves[m],
+                )[0]  # fmt: skip
+                if distance < margin:
+                    covered[n, s] = True
+                    break
+
+
+@kernel()
 def nearness(position, fractions, boxes, deviation, depth, weight, by_position):
     """`weight` times the cost of positions (N + 1, 3) near movers; adds its derivative.
 

@@ -6,7 +6,7 @@ through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at
 which densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
 `interpolate_chance` asks for, its `by_distance`, the body's half edges for `outside`, and what `nearness` asks for of
-movers); `weights` those of collision, limits, leaving the box, risk and movers.
+movers); `weights` those of collision, limits, leaving the box, risk, movers and delay.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
 from nerfnav.planner.kernels.movers import nearness
-from nerfnav.planner.kernels.terms import STANDSTILL, control, outside, risk
+from nerfnav.planner.kernels.terms import STANDSTILL, control, delay, outside, risk
 from nerfnav.robots.kernels.quadrotor import adjoint, limits, motion
 
 
@@ -162,7 +162,7 @@ def room_for(count):
 
 @kernel()
 def effort_at(free, task, body, space, weights, room):
-    """Control and the penalties of J at `free` (k), which fills the room with the motion and their derivatives."""
+    """Control, the penalties and the delay of J at `free` (k); fills the room with the motion and their derivatives."""
     ends, attitudes, constants = task[:3]
     (position, velocity, rotation, rate, action), (by_position, by_rotation, by_action) = room
     motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
@@ -200,12 +200,12 @@ def gradient_at(free, task, room, gradient):
 
 @kernel()
 def evaluate(free, task, body, space, weights, gradient):
-    """Collision, control, the penalties, risk and movers of J at `free` (k); fills the gradient (k)."""
+    """Collision, control, the penalties, risk, movers and delay of J at `free` (k); fills the gradient (k)."""
     room = room_for(free.shape[0])
-    effort, over = effort_at(free, task, body, space, weights, room)
+    effort, over, late = effort_at(free, task, body, space, weights, room)
     met, risked, near = surroundings_at(body, space, weights, room)
     gradient_at(free, task, room, gradient)
-    return met, effort, over, risked, near
+    return met, effort, over, risked, near, late
 
 
 @kernel()
@@ -213,14 +213,14 @@ def evaluate_motion(motion, task, body, space, weights):
     """The same terms for a motion that is there: positions, velocities, attitudes, body rates and actions."""
     times, steps = motion[0].shape[0], motion[4].shape[0]
     room = motion, (np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4)))
-    effort, over = _effort(room[0], room[1], task, space, weights)
+    effort, over, late = _effort(room[0], room[1], task, space, weights)
     met, risked, near = surroundings_at(body, space, weights, room)
-    return met, effort, over, risked, near
+    return met, effort, over, risked, near, late
 
 
 @kernel()
 def _effort(motion, slopes, task, space, weights):
-    """Control and penalties of a motion; adds their derivatives by position, attitude and action."""
+    """Control, penalties and delay of a motion; adds their derivatives by position, attitude and action."""
     position, velocity, rotation, rate, action = motion
     by_position, by_rotation, by_action = slopes
     constants, bounds, gamma = task[2:]
@@ -229,7 +229,10 @@ def _effort(motion, slopes, task, space, weights):
         velocity, rotation, rate, action, bounds, weights[1], constants[5], by_position, by_rotation, by_action
     )
     over += outside(position, rotation, (space[5], space[6], space[9]), weights[2], by_position, by_rotation)
-    return effort, over
+    late = 0.0
+    if weights[5] != 0.0:
+        late = delay(position[: action.shape[0] + 1], weights[5], by_position)
+    return effort, over, late
 
 
 _REACH = 4
@@ -239,7 +242,7 @@ it, and each of those in actions up to two steps before."""
 
 @kernel()
 def effort_curvature(free, task, body, space, weights, steps):
-    """Differences (k, k) of the gradient over `steps` (k) of each free number, of effort and penalties alone.
+    """Differences (k, k) of the gradient over `steps` (k) of each free number, of effort, penalties and delay alone.
 
     Free numbers too far apart to count in the same action are moved together (Curtis, Powell and Reid 1974): the number
     of evaluations does not grow with the number of time steps.

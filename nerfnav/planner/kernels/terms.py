@@ -1,4 +1,5 @@
-"""Terms of J with their derivatives: twins of risk/costs.py, terms/risk.py and of `outside` in space/border.py.
+"""Terms of J with their derivatives: twins of risk/costs.py, terms/risk.py, terms/delay.py and of `outside` in
+space/border.py.
 
 Collision: body point b travels from x = p_t + R_t b to y = p_{t+1} + R_{t+1} b; s = |y - x|. Densities are taken at
 x + f (y - x) for each fraction f, and their mean counts s times.
@@ -39,6 +40,31 @@ def outside(position, rotation, space, weight, by_position, by_rotation):
             by_rotation[t, 0] += pull * (z * by_y - y * by_z)
             by_rotation[t, 1] += pull * (x * by_z - z * by_x)
             by_rotation[t, 2] += pull * (y * by_x - x * by_y)
+    return total
+
+
+NEAR = 0.05
+"""Distance from the goal below which the price of arriving later falls with its square [m]: about the deviation by
+noise."""
+
+
+@kernel()
+def delay(position, weight, by_position):
+    """`weight` times the distances of positions (N + 1, 3) from the last one; adds its derivative."""
+    total, last = 0.0, position.shape[0] - 1
+    for t in range(last):
+        x, y, z = (
+            position[t, 0] - position[last, 0], position[t, 1] - position[last, 1], position[t, 2] - position[last, 2],
+        )  # fmt: skip
+        distance = math.sqrt(x * x + y * y + z * z + NEAR * NEAR)
+        slope = weight / distance
+        by_position[t, 0] += slope * x
+        by_position[t, 1] += slope * y
+        by_position[t, 2] += slope * z
+        by_position[last, 0] -= slope * x
+        by_position[last, 1] -= slope * y
+        by_position[last, 2] -= slope * z
+        total += weight * (distance - NEAR)
     return total
 
 

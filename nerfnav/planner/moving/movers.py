@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from nerfnav.obstacles import Obstacle
-from nerfnav.planner.kernels.movers import box_gaps
+from nerfnav.planner.kernels.movers import box_gaps, cover
 from nerfnav.robots import Body, RigidState, divide_steps
 
 Points = Float[np.ndarray, "n 3"]
@@ -40,6 +40,12 @@ class MoverBoxes:
         found = np.empty((len(points), len(self.halves)))
         box_gaps(np.ascontiguousarray(points, float), self.centers, self.axes, self.halves, found)
         return found
+
+    def cover(self, points: Float[np.ndarray, "s 3"], margin: float) -> Bool[np.ndarray, "n s"]:
+        """Mark the points that are nearer to a box than a margin [m], at each time."""
+        covered = np.empty((len(self.centers), len(points)), bool)
+        cover(np.ascontiguousarray(points, float), self.centers, self.axes, self.halves, margin, covered)
+        return covered
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,10 +51,7 @@ def time_along(
     along = np.linspace(0.0, length, count)
     points = np.stack([np.interp(along, reached, axis) for axis in path.T], -1)
     times = timing.time + 0.5 * timing.dt * np.arange(2 * timing.steps + 1)
-    boxes = movers.boxes(times, body)
-    blocked = np.empty((len(times), count), bool)
-    for place, point in enumerate(points):
-        blocked[:, place] = (boxes.gaps(np.broadcast_to(point, (len(times), 3))) < timing.margin).any(-1)
+    blocked = movers.boxes(times, body).cover(points, timing.margin)
     places = np.zeros(timing.steps + 1, np.int64)
     first = round(timing.first_speed * timing.dt / cell)
     gain = math.ceil(min(timing.acceleration * timing.dt**2 / cell, _MOVES))

@@ -28,6 +28,7 @@ from nerfnav.planner.space.border import reach_of
 from nerfnav.planner.steps import COST_FIELDS, PlanCost, TermCost
 from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
+from nerfnav.planner.terms.delay import DELAY
 from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.movers import mover_arguments
 from nerfnav.planner.terms.outside import OUTSIDE
@@ -122,15 +123,16 @@ class FusedObjective:
         """Make J for a map between two ends; None where the kernels do not have all that it takes."""
         field, weights = context.field, context.weights
         moving = next((term for term in terms if term.fused is not None), None)
-        standing = [term for term in terms if term is not moving]
+        late = any(term is DELAY for term in terms)
+        standing = [term for term in terms if term is not moving and term is not DELAY]
         counted = len(standing) == len(_KNOWN) and all(any(term is known for term in standing) for known in _KNOWN)
         if not (counted and isinstance(flat, QuadrotorMap) and isinstance(field, DensityGrid)):
             return None
         gamma = CONTROL.weighed(weights) * np.array(context.robot.action_weights)
         fractions = (np.arange(weights.samples_per_step) + 0.5) / weights.samples_per_step
         body = (context.body.points_body.double().cpu().numpy(), fractions)
-        near = 0.0 if moving is None else float(moving.weighed(weights))
-        weighed = (*(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK)), near)
+        weighing = (COLLISION, LIMITS, OUTSIDE, RISK, moving, DELAY if late else None)
+        weighed = tuple(0.0 if term is None else float(term.weighed(weights)) for term in weighing)
         steps = len(flat.action)
         movers = mover_arguments(None, 0.0, context, steps, flat.dt)
         if moving is not None and moving.fused is not None:
@@ -181,7 +183,7 @@ class Objective:
         """Sum up `terms` for motions along `route`; `flat` saves making the robot's flatness map again."""
         terms = tuple(terms)
         self._map = flat or context.robot.flat_map(route.start, route.goal, route.steps, route.dt)
-        known = [term for term in terms if term in _KNOWN or term.fused is not None]
+        known = [term for term in terms if term in (*_KNOWN, DELAY) or term.fused is not None]
         beside = [term for term in terms if term not in known]
         self._base = None
         if not any(term.preconditions for term in beside):

@@ -125,9 +125,9 @@ def _descend_compiled(
 ) -> Iterator[Iterate]:
     """Do the same for a fused objective: a few steps are made in one call, before the first of them is yielded."""
     count, cost = len(start.free), start.cost
-    trace = tuple(np.empty((config.iterations + 1, width)) for width in (count, count, 5))
+    trace = tuple(np.empty((config.iterations + 1, width)) for width in (count, count, 6))
     trace[0][0], trace[1][0] = start.free, start.gradient
-    trace[2][0] = cost.collision, cost.control, cost.limits, cost.risk, cost.movers
+    trace[2][0] = cost.collision, cost.control, cost.limits, cost.risk, cost.movers, cost.delay
     rule = (_ARMIJO, _LOW, _HIGH, _TRIES), _DAMPING, config.patience, config.tolerance, config.least
     inverses, at, settled, fresh = (inverse.copy(), inverse), 0, False, True
     while at < config.iterations and not settled:
