@@ -17,7 +17,7 @@ from nerfnav.estimator.photometric.levenberg_marquardt import POSE as _POSE
 from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate, NewtonConfig, improve
 from nerfnav.estimator.photometric.pixel_selection import choose_pixels
 from nerfnav.estimator.photometric.pyramid import Stage, View, observe_reduced
-from nerfnav.estimator.photometric.residuals import THREADS, Observation, are_inliers, difference, residuals
+from nerfnav.estimator.photometric.residuals import THREADS, Observation, difference, residuals
 from nerfnav.geometry import Pose, so3
 
 _TYPICAL_DEPTH = 0.3
@@ -139,7 +139,6 @@ def record(problem: UpdateProblem, iterate: Iterate, selection: Selection, itera
         float(iterate.process[best]),
         selection.places,
         residual,
-        believed=are_inliers(residual, problem.config.color_noise),
         pixel_source=selection.source,
     )
 

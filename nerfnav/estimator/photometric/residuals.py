@@ -219,11 +219,7 @@ def inliers(residual: Float[Tensor, "m 3"], noise: ColorNoise) -> Bool[Tensor, "
 
     A pixel within as many standard deviations of the noise is always believed, however alike the others are.
     """
-    return are_inliers(difference(residual), noise)
-
-
-def are_inliers(size: Float[Tensor, " m"], noise: ColorNoise) -> Bool[Tensor, " m"]:
-    """Return the mask of inliers by the sizes of their differences."""
+    size = difference(residual)
     median = size.median()
     spread = _DEVIATION_PER_MAD * (size - median).abs().median()
     plain = torch.full_like(median, noise.outlier_deviations * noise.std)
