@@ -12,6 +12,7 @@ from .expected_noise import expect_noise as expect_noise
 from .fallback import SafetyFilter as SafetyFilter
 from .fallback import build_safe_planner as build_safe_planner
 from .first_plan import estimate_flight_time as estimate_flight_time
+from .first_plan import make_risk_maps as make_risk_maps
 from .first_plan import plan_first as plan_first
 from .flight import FlightRequest as FlightRequest
 from .flight import HiddenFunction as HiddenFunction

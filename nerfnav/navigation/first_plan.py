@@ -5,6 +5,7 @@ flights (fallback.py), so that the plan that is shown is the one with which the 
 seed of a flight, which corrects it from the first belief.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import torch
@@ -14,6 +15,7 @@ from nerfnav.navigation.flight import ActiveGoal
 from nerfnav.navigation.looking import choose_route_headings
 from nerfnav.planner import (
     FLYABLE,
+    CollisionMap,
     OccupancyMap,
     Planner,
     PlannerConfig,
@@ -28,6 +30,7 @@ from nerfnav.planner import (
     find_shortest_plan,
     map_for,
     path_length,
+    relative_cost,
 )
 from nerfnav.planner.active_yaw import YawObjective
 from nerfnav.robots import Motion, Robot, unwrap_angles, wrap_angle
@@ -67,6 +70,16 @@ def estimate_flight_time(
     ways = getattr(settings, "ways", SearchConfig.single())
     length = path_length(problem, map_for(problem, occupancy), ways)
     return estimate_timing(problem.robot, length, problem.dt, longest_dt)
+
+
+def make_risk_maps(problem: PlanProblem, occupancy: OccupancyMap, settings: PlannerConfig) -> Iterator[None]:
+    """Make the maps of risk on which plans of a problem search, one for each step; they are kept for the plans."""
+    danger = getattr(settings, "ways", SearchConfig.single()).danger
+    if danger:
+        chances = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
+        yield
+        relative_cost(chances, map_for(problem, occupancy), danger)
+        yield
 
 
 def _add_headings(planned: PlanResult, planner: Planner, robot: Robot, objective: YawObjective | None) -> PlanSteps:

@@ -29,6 +29,7 @@ from .polynomials import derivative_rows as derivative_rows
 from .polynomials import squared_derivative as squared_derivative
 from .polynomials import uniform_cubic as uniform_cubic
 from .risk.collision_map import CollisionMap as CollisionMap
+from .risk.collision_map import relative_cost as relative_cost
 from .risk.costs import CostWeights as CostWeights
 from .risk.costs import PathDensity as PathDensity
 from .risk.costs import collision_per_step as collision_per_step

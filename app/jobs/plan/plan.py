@@ -1,6 +1,7 @@
 """Plan: from a start and a goal to a trajectory through the field, judged on the mesh; and the request of one."""
 
 import time
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from nerfnav.navigation import (
     can_expect,
     estimate_flight_time,
     expect_sigma,
+    make_risk_maps,
     make_yaw_objective,
     plan_first,
 )
@@ -30,6 +32,8 @@ from nerfnav.planner import (
     PlannerConfig,
     PlanOutcome,
     PlanProblem,
+    PlanResult,
+    PlanStep,
     PlanSteps,
     Route,
     collision_probability,
@@ -149,7 +153,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     flight = configure_flight(request, place)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    steps, planned, worked_s, iterations = plan_steps(request, place), None, 0.0, request.settings.iterations
+    steps, planned, worked_s, iterations = plan_in_parts(request, place), None, 0.0, request.settings.iterations
     while planned is None:
         began = time.perf_counter()
         try:
@@ -157,6 +161,9 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
         except StopIteration as end:
             step = planned = end.value
         worked_s += time.perf_counter() - began
+        if step is None:
+            yield Progress("finding a way", 0.0)
+            continue
         yield step
         yield Progress("optimising", min(1.0, (step.iteration + 1) / iterations))
     if request.draft:
@@ -248,31 +255,65 @@ def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
 
     This is the first plan of a flight by the same request. Its ends are on the floor already, as both jobs see to it.
     """
+    parts = plan_in_parts(request, place)
+    while True:
+        try:
+            step = next(parts)
+        except StopIteration as end:
+            return end.value
+        if step is not None:
+            yield step
+
+
+def plan_in_parts(request: PlanRequest, place: Place) -> Generator[PlanStep | None, None, PlanResult]:
+    """Plan as `plan_steps` does; yield None between the maps that are made first, each of which may take a second."""
     try:
-        return (yield from _plan_steps(request, place))
+        if request.draft:
+            return (yield from _draft_in(request, place))
+        prepared = yield from _prepare(request, place)
+        return (yield from _plan_prepared(request, place, prepared))
     except OccupiedError as error:
         state = request.ends.of(EndRole(error.name)).state()
         raise error.because(explain_unfit_in(place, state, request.unknown)) from error
 
 
-def _plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
-    if request.draft:
-        return (yield from _draft_in(request, place))
-    occupancy = _map_for(request, place)
-    planner, _ = make_planner(request, place, occupancy)
+@dataclass(frozen=True)
+class _Prepared:
+    """Inputs of the plan of a request; the maps that they lead to are made and kept."""
+
+    problem: PlanProblem
+    """Problem, by the request's duration."""
+    occupancy: OccupancyMap
+    """Map of its searches."""
+    planner: Planner
+    """Planner of the request's flight."""
+
+
+def _prepare(request: PlanRequest, place: Place) -> Generator[None, None, _Prepared]:
     planning, robot = prepare_route(place, request.unknown, request.height), planning_robot(place.robot, request.world)
-    route = Route(request.ends.start.state(), request.ends.goal.state(), request.steps, request.dt)
-    objective = make_yaw_objective(
-        place.field, planning.field, robot, place.robot.mount, request.navigate_config.in_sight, request.watch
-    )
+    occupancy = _map_for(request, place)
+    yield
     problem = PlanProblem(
-        planning.field, robot, route.start, route.goal, route.steps, route.dt,
+        planning.field, robot, request.ends.start.state(), request.ends.goal.state(), request.steps, request.dt,
         noise=noise_of(request, place), movers=place.announced_movers,
     )  # fmt: skip
-    settings = request.flight_settings
+    yield
+    yield from make_risk_maps(problem, occupancy, request.flight_settings)
+    planner, _ = make_planner(request, place, occupancy)
+    return _Prepared(problem, occupancy, planner)
+
+
+def _plan_prepared(request: PlanRequest, place: Place, prepared: _Prepared) -> PlanSteps:
+    problem, settings = prepared.problem, request.flight_settings
+    planning = prepare_route(place, request.unknown, request.height)
+    objective = make_yaw_objective(
+        place.field, planning.field, problem.robot, place.robot.mount, request.navigate_config.in_sight, request.watch
+    )
     longest_dt = request.dt if request.keep_dt else None
-    timing = estimate_flight_time(problem, occupancy, settings, longest_dt) if request.shortest else None
-    planned = yield from plan_first(planner, route, robot, objective, timing)
+    timing = None
+    if request.shortest:
+        timing = estimate_flight_time(problem, prepared.occupancy, settings, longest_dt)
+    planned = yield from plan_first(prepared.planner, problem.route, problem.robot, objective, timing)
     if request.max_collision is None:
         return planned
     end = planned.trajectory.route  # whose heading may have been chosen for what the camera sees

@@ -41,6 +41,15 @@ def test_progress_only_grows(place: Place) -> None:
     assert fractions[-1] == 1
 
 
+def test_a_hand_may_begin_between_the_maps_that_a_plan_searches_on(place: Place) -> None:
+    events = list(run(request(planner="fast", config=None), place))
+    first = next(index for index, event in enumerate(events) if isinstance(event, PlanStep))
+    begun = [event for event in events[:first] if isinstance(event, Progress)]
+    assert len(begun) >= 5, "at the start, and after occupancy, noise, chances of collisions and their cost"
+    drafted = list(run(request(planner="fast", config=None, draft=True), place))
+    assert not isinstance(drafted[0], PlanStep) and isinstance(drafted[1], PlanStep), "a draft makes none of them"
+
+
 def test_a_cancelled_plan_writes_nothing(place: Place, tmp_path: Path) -> None:
     job = run(request(out=tmp_path), place)
     next(job)
