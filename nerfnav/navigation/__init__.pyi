@@ -7,6 +7,7 @@ from .episode import NavigationStep as NavigationStep
 from .episode import is_silent as is_silent
 from .expected_belief import can_expect as can_expect
 from .expected_belief import expect_sigma as expect_sigma
+from .expected_belief import expect_sigma_in_steps as expect_sigma_in_steps
 from .expected_belief import explain_blindness as explain_blindness
 from .expected_noise import expect_noise as expect_noise
 from .fallback import SafetyFilter as SafetyFilter

@@ -11,7 +11,7 @@ deviations are the least clearance in which the supervisor lets a robot fly on, 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -19,6 +19,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, ConsiderCovariance, FilterConfig
 from nerfnav.estimator.consistency import REMEDY
 from nerfnav.estimator.core.belief import POSE, add_information, posterior_covariance
@@ -62,10 +63,17 @@ def expect_sigma(
     None in open loop, for plans that are not finite, and for fields of which `can_expect` is False. The filter of the
     configuration has the noise and the floor of the field (`FastConfig.for_field`).
     """
+    return run_steps(expect_sigma_in_steps(motion, robot, field, config, map_error))
+
+
+def expect_sigma_in_steps(
+    motion: Motion, robot: Robot, field: Field, config: NavigateConfig, map_error: ConsiderCovariance
+) -> Generator[None, None, ExpectedSigma | None]:
+    """Return what `expect_sigma` returns; yield after each picture that is expected, in some 30 ms."""
     finite = motion.states.position.isfinite().all() and motion.actions.isfinite().all()
     if config.open_loop or not finite or not can_expect(field):
         return None
-    beliefs = expect_beliefs(motion, robot, View((field,), robot.camera, robot.mount), config)
+    beliefs = yield from expect_beliefs(motion, robot, View((field,), robot.camera, robot.mount), config)
     reported = torch.tensor([map_error.beside(belief).position_std for belief in beliefs])
     filtered = torch.tensor([belief.position_std for belief in beliefs])
     median, p95, largest = reported.quantile(torch.tensor([0.5, 0.95, 1.0])).tolist()
@@ -81,8 +89,11 @@ def expect_sigma_in_flight(motion: Motion, flight: FlightContext) -> ExpectedSig
     return expect_sigma(motion, simulator.robot, field, flight.config, flight.stack.map_error)
 
 
-def expect_beliefs(motion: Motion, robot: Robot, view: View, config: NavigateConfig) -> list[Belief]:
-    """Expect the belief of the filter, without the map error, at each of the n + 1 times of a plan of n steps."""
+def expect_beliefs(
+    motion: Motion, robot: Robot, view: View, config: NavigateConfig
+) -> Generator[None, None, list[Belief]]:
+    """Return the expected belief of the filter, without the map error, at each of the n + 1 times of a plan of n steps;
+    yield after each picture that is expected."""
     draws, floor = torch.Generator().manual_seed(0), config.filter.floor_at(view.grain).covariance()
     every = max(1, -(-len(motion.actions) // _PICTURES))
     noise = measured_noise(config.noise, motion.dt) if config.imu else config.noise
@@ -96,6 +107,7 @@ def expect_beliefs(motion: Motion, robot: Robot, view: View, config: NavigateCon
             if index % every == 0:
                 pose = predicted[POSE][:, POSE]
                 information = expected_information(view, belief.mean.pose, pose, config.filter, draws)
+                yield
             belief = Belief(belief.mean, add_picture(predicted, information, floor))
         beliefs.append(belief)
     return beliefs

@@ -67,7 +67,7 @@ def test_it_is_the_belief_of_a_flight_within_a_factor_of_two(tmp_path: Path) -> 
 def test_where_nothing_shows_it_is_that_of_the_prediction_alone() -> None:
     motion, view = plan(), View((voxel_balls(),), CAMERA, BACKWARD)
     config = replace(CONFIG, filter=replace(FILTER, floor=StateNoise(0.0, 0.0, 0.0, 0.0), grain=0.0))
-    beliefs = expect_beliefs(motion, ROBOT, view, config)
+    beliefs = run_steps(expect_beliefs(motion, ROBOT, view, config))
     belief = beliefs[0]
     for action in motion.actions:
         belief = predict(belief, action, ROBOT, motion.dt, NOISE)
@@ -77,7 +77,10 @@ def test_where_nothing_shows_it_is_that_of_the_prediction_alone() -> None:
 
 def test_gyroscopes_leave_less_to_expect() -> None:
     view = View((voxel_balls(),), CAMERA, BACKWARD)
-    sigmas = [expect_beliefs(plan(), ROBOT, view, replace(CONFIG, imu=imu))[-1].position_std for imu in (False, True)]
+    sigmas = [
+        run_steps(expect_beliefs(plan(), ROBOT, view, replace(CONFIG, imu=imu)))[-1].position_std
+        for imu in (False, True)
+    ]
     assert sigmas[1] < 0.9 * sigmas[0]
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, OccupiedError, require_positive, require_probability, require_share
+from nerfnav.core.steps import map_steps
 from nerfnav.estimator import ColorNoise, ConsiderCovariance
 from nerfnav.field import UnknownSpace
 from nerfnav.navigation import (
@@ -17,7 +18,7 @@ from nerfnav.navigation import (
     build_safe_planner,
     can_expect,
     estimate_flight_time,
-    expect_sigma,
+    expect_sigma_in_steps,
     make_risk_maps,
     make_yaw_objective,
     plan_first,
@@ -173,8 +174,9 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     if overlap and planned.outcome in FLYABLE:
         planned = replace(planned, outcome=PlanOutcome.TOUCHES_MESH)
         yield planned
-    yield Progress("judging", 1.0)  # again and again, so that the page can drop it where a hand begins to drag
-    expected = _expect_sigma(planned.motion, request, flight, place)
+    # again and again, so that the page can drop it where a hand begins to drag
+    judging = Progress("judging", 1.0)
+    expected = yield from map_steps(_expect_sigma(planned.motion, request, flight, place), lambda _: judging)
     blind = flight.most_blind is not None and expected is not None and expected.blind_share > flight.most_blind
     if blind and planned.outcome in FLYABLE:
         planned = replace(planned, outcome=PlanOutcome.TOO_RISKY)
@@ -195,12 +197,14 @@ def _risk_of(motion: Motion, request: PlanRequest, place: Place) -> PlanRisk:
     return PlanRisk(probability, request.flight_settings.weights.risk, request.max_collision)
 
 
-def _expect_sigma(motion: Motion, request: PlanRequest, flight: NavigateConfig, place: Place) -> ExpectedSigma | None:
+def _expect_sigma(
+    motion: Motion, request: PlanRequest, flight: NavigateConfig, place: Place
+) -> Generator[None, None, ExpectedSigma | None]:
     """Expect what the views along a plan will tell; None also in the physical world, whose robots fly by an inertial
     unit as well."""
     if request.world != "paper":
         return None
-    return expect_sigma(motion, place.robot, place.field, flight, map_error_of(place))
+    return (yield from expect_sigma_in_steps(motion, place.robot, place.field, flight, map_error_of(place)))
 
 
 def configure_flight(request: PlanRequest, place: Place) -> NavigateConfig:
