@@ -33,6 +33,7 @@ _MAGIC, _GZIP = b"NGSP", b"\x1f\x8b"
 _HEADER = struct.Struct("<4sIIBBBB")
 _TABLE = struct.Struct("<I12x")  # follows the header in version 4
 _STREAM = struct.Struct("<QQ")  # bytes of a stream as stored, and as they unpack
+_UNKNOWN = -1  # size of a Zstandard stream that does not say it
 _HAS_EXTENSIONS = 2
 _AXES_EXTENSION = 0xADBE0003
 _RIGHT_UP_BACK = 4
@@ -97,8 +98,12 @@ def _zstandard(path: Path, data: bytes) -> _Contents:
         stored, unpacked = _STREAM.unpack_from(data, table + index * _STREAM.size)
         if at + stored > len(data):
             raise InvalidInputError(f"{path} is truncated: it ends in stream {index + 1} of {streams}")
+        stream, part = data[at : at + stored], b""
         try:
-            part = zstandard.ZstdDecompressor().decompress(data[at : at + stored], max_output_size=size)
+            # the library takes memory for as much as a stream says of itself, before it unpacks anything
+            says = zstandard.frame_content_size(stream)
+            if unpacked == size and says in (size, _UNKNOWN):
+                part = zstandard.ZstdDecompressor().decompress(stream, max_output_size=size)
         except zstandard.ZstdError as error:
             raise InvalidInputError(f"{path} is damaged: its stream {index + 1} cannot be unpacked") from error
         if len(part) != size or unpacked != size:

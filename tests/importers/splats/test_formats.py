@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import struct
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
@@ -245,6 +246,22 @@ def test_gzip_data_that_swells_without_end_is_not_unpacked_beyond_its_splats(tmp
     (tmp_path / "a.spz").write_bytes(swollen)
     tracemalloc.start()
     assert len(load_splats(tmp_path / "a.spz")) == 5
+
+
+def test_no_memory_is_taken_for_what_a_stream_says_of_itself(tmp_path: Path) -> None:
+    path = tmp_path / "a.spz"
+    write_spz(path, some_splats(5), version=4)
+    data = bytearray(path.read_bytes())
+    (table,) = struct.unpack_from("<I", data, 16)  # see spz.py
+    streams = data[15]
+    at = table + 16 * streams
+    # one frame of Zstandard that says that it holds 2^50 bytes, and holds none
+    huge = bytes.fromhex("28b52ffd e0") + (1 << 50).to_bytes(8, "little") + bytes.fromhex("010000")
+    stored, unpacked = struct.unpack_from("<QQ", data, table)
+    struct.pack_into("<QQ", data, table, len(huge), unpacked)
+    path.write_bytes(bytes(data[:at]) + huge + bytes(data[at + stored :]))
+    with pytest.raises(InvalidInputError, match="stream 1 has another size than its splats take"):
+        load_splats(path)
     assert tracemalloc.get_traced_memory()[1] < 5_000_000
     tracemalloc.stop()
 
