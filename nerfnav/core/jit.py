@@ -12,6 +12,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError, require_positive
@@ -105,6 +106,11 @@ def kernel(*, parallel: bool = False, exact: bool = False) -> Callable[[Any], Ke
         return Kernel(inspect.unwrap(function), options)
 
     return decorate
+
+
+def array_of(tensor: torch.Tensor) -> np.ndarray:
+    """Convert a tensor for kernels: 64 bits, contiguous."""
+    return np.ascontiguousarray(tensor.detach().double().numpy())
 
 
 def _without_values(types: tuple[Any, ...]) -> tuple[Any, ...]:

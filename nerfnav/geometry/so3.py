@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.core.jit import Kernel
+from nerfnav.core.jit import Kernel, array_of
 from nerfnav.geometry.rotations import exponentials, logarithms
 
 Vector3 = Float[Tensor, "*batch 3"]
@@ -55,7 +55,7 @@ def _needs_no_derivative(given: Tensor) -> bool:
 def _compiled(twin: Kernel, given: Tensor, shape: tuple[int, ...], made: tuple[int, ...]) -> Tensor:
     """Apply a compiled twin to a batch of arrays of a shape; returns arrays of the shape `made`."""
     batch = given.shape[: given.ndim - len(shape)]
-    flat = np.ascontiguousarray(given.detach().double().numpy()).reshape(-1, *shape)
+    flat = array_of(given).reshape(-1, *shape)
     result = np.empty((len(flat), *made))
     twin(flat, result)
     return torch.from_numpy(result).reshape(*batch, *made).to(given.dtype)

@@ -39,10 +39,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.core.jit import threads
+from nerfnav.core.jit import array_of, threads
 from nerfnav.core.structs import TensorStruct
 from nerfnav.estimator.photometric.kernels.descent import descend
-from nerfnav.estimator.photometric.residuals import THREADS, Observation, array_of
+from nerfnav.estimator.photometric.residuals import THREADS, Observation
 from nerfnav.field import RayGrid, get_ray_grid
 from nerfnav.geometry import Pose, so3
 

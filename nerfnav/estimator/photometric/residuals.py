@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.core.jit import threads
+from nerfnav.core.jit import array_of, threads
 from nerfnav.estimator.photometric.kernels.descent import slopes
 from nerfnav.estimator.photometric.kernels.probe import probe
 from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, get_ray_grid, render_rays
@@ -247,8 +247,3 @@ def shown(seen: Observation, poses: Pose) -> Float[np.ndarray, "n m 3"]:
         colors = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
         probe(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), colors)
         return colors
-
-
-def array_of(tensor: Tensor) -> np.ndarray:
-    """Convert a tensor for kernels: 64 bits, contiguous."""
-    return np.ascontiguousarray(tensor.detach().double().numpy())
