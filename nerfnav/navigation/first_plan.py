@@ -15,7 +15,6 @@ from nerfnav.navigation.flight import ActiveGoal
 from nerfnav.navigation.looking import choose_route_headings
 from nerfnav.planner import (
     FLYABLE,
-    CollisionMap,
     OccupancyMap,
     Planner,
     PlannerConfig,
@@ -30,7 +29,7 @@ from nerfnav.planner import (
     find_shortest_plan,
     map_for,
     path_length,
-    relative_cost,
+    price_risk,
 )
 from nerfnav.planner.active_yaw import YawObjective
 from nerfnav.robots import Motion, Robot, unwrap_angles, wrap_angle
@@ -67,19 +66,19 @@ def estimate_flight_time(
     Its steps are as long as the problem's, or up to `longest_dt` [s] where there would be very many (see
     `estimate_timing`).
     """
-    ways = getattr(settings, "ways", SearchConfig.single())
-    length = path_length(problem, map_for(problem, occupancy), ways)
+    length = path_length(problem, map_for(problem, occupancy), _ways_of(settings))
     return estimate_timing(problem.robot, length, problem.dt, longest_dt)
 
 
 def make_risk_maps(problem: PlanProblem, occupancy: OccupancyMap, settings: PlannerConfig) -> Iterator[None]:
-    """Make the maps of risk on which plans of a problem search, one for each step; they are kept for the plans."""
-    danger = getattr(settings, "ways", SearchConfig.single()).danger
-    if danger:
-        chances = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
-        yield
-        relative_cost(chances, map_for(problem, occupancy), danger)
-        yield
+    """Make the maps of risk on which plans of a problem search, step by step; they are kept for the plans."""
+    yield from price_risk(problem, map_for(problem, occupancy), _ways_of(settings))
+    yield
+
+
+def _ways_of(settings: PlannerConfig) -> SearchConfig:
+    """Return the settings of a planner's path search."""
+    return getattr(settings, "ways", SearchConfig.single())
 
 
 def _add_headings(planned: PlanResult, planner: Planner, robot: Robot, objective: YawObjective | None) -> PlanSteps:

@@ -9,6 +9,7 @@ from .objective.problem import PlanProblem as PlanProblem
 from .objective.problem import first_guess as first_guess
 from .objective.problem import map_for as map_for
 from .objective.problem import path_length as path_length
+from .objective.problem import price_risk as price_risk
 from .objective.safety import NEAR_CERTAIN as NEAR_CERTAIN
 from .objective.safety import Safety as Safety
 from .objective.safety import assess_safety as assess_safety
@@ -29,7 +30,6 @@ from .polynomials import derivative_rows as derivative_rows
 from .polynomials import squared_derivative as squared_derivative
 from .polynomials import uniform_cubic as uniform_cubic
 from .risk.collision_map import CollisionMap as CollisionMap
-from .risk.collision_map import relative_cost as relative_cost
 from .risk.costs import CostWeights as CostWeights
 from .risk.costs import PathDensity as PathDensity
 from .risk.costs import collision_per_step as collision_per_step

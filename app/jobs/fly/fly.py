@@ -136,7 +136,9 @@ def _first_plan(request: FlyRequest, place: Place) -> Generator[JobEvent, bool |
         except StopIteration as end:
             yield end.value
             return end.value
-        stop = yield step
-        stop = (yield Progress("optimising the first plan", min(1.0, (step.iteration + 1) / iterations))) or stop
+        stop, done = False, 0.0
+        if step is not None:
+            stop, done = (yield step), min(1.0, (step.iteration + 1) / iterations)
+        stop = (yield Progress("optimising the first plan", done)) or stop
         if stop:
             return None

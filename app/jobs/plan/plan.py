@@ -154,7 +154,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     flight = configure_flight(request, place)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    steps, planned, worked_s, iterations = plan_in_parts(request, place), None, 0.0, request.settings.iterations
+    steps, planned, worked_s, iterations = plan_steps(request, place), None, 0.0, request.settings.iterations
     while planned is None:
         began = time.perf_counter()
         try:
@@ -254,23 +254,12 @@ def noise_of(request: PlanRequest, place: Place) -> NoiseModel:
     return expect_noise_in(place, config, request.world, request.unknown, request.settings.occupancy, request.height)
 
 
-def plan_steps(request: PlanRequest, place: Place) -> PlanSteps:
+def plan_steps(request: PlanRequest, place: Place) -> Generator[PlanStep | None, None, PlanResult]:
     """Plan as often as the request needs: for the duration, for what the camera sees, for the bound on collisions.
 
     This is the first plan of a flight by the same request. Its ends are on the floor already, as both jobs see to it.
+    Yields None between the maps that are made first, each of which may take a second.
     """
-    parts = plan_in_parts(request, place)
-    while True:
-        try:
-            step = next(parts)
-        except StopIteration as end:
-            return end.value
-        if step is not None:
-            yield step
-
-
-def plan_in_parts(request: PlanRequest, place: Place) -> Generator[PlanStep | None, None, PlanResult]:
-    """Plan as `plan_steps` does; yield None between the maps that are made first, each of which may take a second."""
     try:
         if request.draft:
             return (yield from _draft_in(request, place))
@@ -309,13 +298,12 @@ def _prepare(request: PlanRequest, place: Place) -> Generator[None, None, _Prepa
 
 def _plan_prepared(request: PlanRequest, place: Place, prepared: _Prepared) -> PlanSteps:
     problem, settings = prepared.problem, request.flight_settings
-    planning = prepare_route(place, request.unknown, request.height)
     objective = make_yaw_objective(
-        place.field, planning.field, problem.robot, place.robot.mount, request.navigate_config.in_sight, request.watch
+        place.field, problem.field, problem.robot, place.robot.mount, request.navigate_config.in_sight, request.watch
     )
-    longest_dt = request.dt if request.keep_dt else None
     timing = None
     if request.shortest:
+        longest_dt = request.dt if request.keep_dt else None
         timing = estimate_flight_time(problem, prepared.occupancy, settings, longest_dt)
     planned = yield from plan_first(prepared.planner, problem.route, problem.robot, objective, timing)
     if request.max_collision is None:
@@ -323,6 +311,7 @@ def _plan_prepared(request: PlanRequest, place: Place, prepared: _Prepared) -> P
     end = planned.trajectory.route  # whose heading may have been chosen for what the camera sees
     problem = replace(problem, goal=end.goal, steps=end.steps, dt=end.dt, keeps_headings=end.keeps_headings)
     # unlike plans of other durations, this one weighs risk anew: it searches anew, too
+    planning = prepare_route(place, request.unknown, request.height)
     occupancy = build_occupancy(planning, request.settings.occupancy, request.height)
     careful = FastPlanConfig(weights=settings.weights, occupancy=settings.occupancy)
     most, tolerance = request.max_collision, request.flight.goal_tolerance_m

@@ -1,15 +1,18 @@
 """Planning problem: robot, field and ends to plan between, checked, with a first path as initial guess."""
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from enum import Enum
 from functools import cached_property
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.field import Field
 from nerfnav.geometry import so3
 from nerfnav.planner import terms
@@ -194,11 +197,22 @@ def path_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchCon
 
 
 def _paths(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> list[Float[Tensor, "_ c"]]:
-    extra = None
-    if search.danger:
-        chances = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
-        extra = relative_cost(chances, occupancy, search.danger)
+    extra = run_steps(price_risk(problem, occupancy, search))
     return find_paths(occupancy, problem.start, problem.goal, search, extra)
+
+
+def price_risk(
+    problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig
+) -> Generator[None, None, Float[np.ndarray, "m nx ny nz"] | None]:
+    """Return the cost of a metre by risk in each voxel of a search; None where it does not count.
+
+    Yields between the two maps that it takes, each of which may take a second; both are kept.
+    """
+    if not search.danger:
+        return None
+    chances = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
+    yield
+    return relative_cost(chances, occupancy, search.danger)
 
 
 def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
