@@ -98,9 +98,15 @@ class Movers:
         middles, at = states.position.cpu().numpy(), np.arange(steps * parts + 1) / parts
         places = np.stack([np.interp(at, np.arange(steps + 1), axis) for axis in middles.T], -1)
         gaps = self.boxes(times, body).gaps(places)
-        if gaps.min() > 0:  # attitudes count where a box is entered alone
-            return _least_in_each(gaps.min(-1), parts)
-        poses = divide_steps(states, parts)
+        if (gaps <= 0).any():  # attitudes count where a box is entered alone
+            self._measure_entered(gaps, divide_steps(states, parts), times, body)
+        within = np.lib.stride_tricks.sliding_window_view(gaps.min(-1), parts + 1)[::parts]
+        return within.min(-1)
+
+    def _measure_entered(
+        self, gaps: Float[np.ndarray, "n m"], poses: RigidState, times: Float[np.ndarray, " n"], body: Body
+    ) -> None:
+        """Replace the gaps of boxes that are entered by the distance of the body from the mover itself [m]."""
         for index, obstacle in enumerate(self.obstacles):
             near = np.flatnonzero(gaps[:, index] <= 0)
             if len(near):
@@ -108,10 +114,3 @@ class Movers:
                 own = (points - obstacle.place(times[near])[:, None]) @ obstacle.attitude
                 distance = obstacle.shape.signed_distance(own.reshape(-1, 3)).reshape(points.shape[:2])
                 gaps[near, index] = distance.min(-1)
-        return _least_in_each(gaps.min(-1), parts)
-
-
-def _least_in_each(gaps: Float[np.ndarray, " times"], parts: int) -> Float[np.ndarray, " steps"]:
-    """Least gap of each step, of so many parts, both its ends among them."""
-    return np.lib.stride_tricks.sliding_window_view(gaps, parts + 1)[::parts].min(-1)
-
