@@ -20,6 +20,7 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
+from nerfnav.core.memory import require_memory
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW
 from nerfnav.field.core.protocol import Field
@@ -114,6 +115,8 @@ def moments(points: Refined) -> Grid:
 
 MOST_NODES = 30_000_000
 """Fitting takes eight points for each node."""
+_BYTES = 70
+"""Memory that fitting takes for each node, measured with 1 to 8 million nodes: 54 to 69 bytes."""
 _AT_ONCE = 1 << 16
 _NODES_ALONG = 160
 _LEAST_LIGHT = 0.1  # share of a node's light: what less of it reaches hardly sees the node
@@ -161,10 +164,8 @@ def bake(field: Field, config: BakeConfig | None = None) -> Generator[EditStep, 
     config = BakeConfig() if config is None else config
     box = field.box.to("cpu")
     voxel = float(box.size.max()) / _NODES_ALONG if config.voxel is None else config.voxel
-    if not voxel > 0 or box.size.double().prod().item() / voxel**3 > MOST_NODES:
-        raise InvalidInputError(f"voxels of {voxel:g} m in a box of {box.describe()} are more than {MOST_NODES}")
+    shape = fitting_shape(box, voxel)
     yield EditStep("looking for what is solid", 0.0)
-    shape = shape_for(box, voxel)
     cells = _solid_cells(field, box, shape, config.empty_below / voxel)
     points = torch.zeros([2 * count for count in cells.shape])
     for share in _measure(field, box, cells, config.opaque / voxel, points):
@@ -179,6 +180,27 @@ def bake(field: Field, config: BakeConfig | None = None) -> Generator[EditStep, 
     psnr = likeness(field, baked, poses, Camera.from_fov(config.size, config.size, config.fov_deg))
     yield EditStep("baked", 1.0)
     return replace(baked, info=replace(baked.info, made_by="baked", baked_psnr_db=psnr))
+
+
+def fitting_shape(
+    box: Box,
+    voxel: float,
+    most: int = MOST_NODES,
+    what: str = "the field",
+    advice: str = "choose larger ones",
+) -> tuple[int, int, int]:
+    """Numbers of nodes along x, y, z of a grid with nodes `voxel` [m] apart, whose densities are to be fitted.
+
+    Raises InvalidInputError, which says `what` asks for them and ends in `advice`, where these are more than `most`,
+    or more than memory holds.
+    """
+    if not voxel > 0 or box.size.double().prod().item() / voxel**3 > most:
+        raise InvalidInputError(
+            f"{what}: voxels of {voxel:g} m in a box of {box.describe()} are impossible or more than {most}: {advice}"
+        )
+    nx, ny, nz = shape_for(box, voxel)
+    require_memory(_BYTES * nx * ny * nz, f"{what}: fitting {nx} x {ny} x {nz} voxels", advice)
+    return nx, ny, nz
 
 
 def _solid_cells(

@@ -23,7 +23,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.occupancy import (
@@ -35,13 +34,13 @@ from nerfnav.field.core.occupancy import (
     inverse_softplus,
     raw_of,
 )
-from nerfnav.field.edit.bake import MOST_NODES, BakeConfig, EditStep, fitted, sample_views
+from nerfnav.field.edit.bake import BakeConfig, EditStep, fitted, fitting_shape, sample_views
 from nerfnav.field.edit.conservative_occupancy import between_grids, preserve_occupancy
 from nerfnav.field.kernels.resample import measure_turned
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.surroundings import RAW_TO_DEPTH, SPAN, Surroundings, uncontracted
 from nerfnav.field.render.volume_rendering import render_image
-from nerfnav.geometry import Box, Camera, Similarity, node_positions, psnr_db, shape_for, trilinear
+from nerfnav.geometry import Box, Camera, Similarity, node_positions, psnr_db, trilinear
 
 _AXIS = torch.tensor([-1.0, 0.0, 1.0]) / math.sqrt(3.0)
 _WEIGHTS = torch.tensor([0.25, 0.5, 0.25])
@@ -56,11 +55,7 @@ def resample_field(field: VoxelField, similarity: Similarity) -> Generator[EditS
     Raises InvalidInputError where these are too many.
     """
     box, spacing = similarity.box(field.box), similarity.scale * float(field.spacing.min())
-    if box.size.double().prod().item() / spacing**3 > MOST_NODES:
-        raise InvalidInputError(
-            f"turned, the field would have more than {MOST_NODES} voxels of {spacing:.3g} m: crop it first"
-        )
-    back, shape = similarity.inverted(), shape_for(box, spacing)
+    back, shape = similarity.inverted(), fitting_shape(box, spacing, what="the turned field", advice="crop it first")
     yield EditStep("turning the field", 0.0)
     values = _measured(field, replace(field, box=box, values=torch.zeros(*shape, 4), evidence=None), back)
     empty = BakeConfig.empty_below / spacing

@@ -82,8 +82,10 @@ def guess_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
 def _middles(
     centers: Float[np.ndarray, "n 3"], masses: Float[np.ndarray, " n"], lower: np.ndarray, upper: np.ndarray
 ) -> Float[np.ndarray, " 3"]:
-    """Centre of the opacity along each axis, between 0 at the lower and 1 at the upper end."""
+    """Centre of the opacity along each axis, between 0 at the lower and 1 at the upper end; 0.5 where nothing is."""
     inside = ((centers >= lower) & (centers <= upper)).all(1)
+    if not inside.any():  # damaged files: each splat is far away along one axis
+        return np.full(3, 0.5)
     share = (centers[inside] - lower) / np.maximum(upper - lower, 1e-12)
     weights = masses[inside] if masses[inside].any() else np.ones(int(inside.sum()))
     return np.average(share, axis=0, weights=weights)

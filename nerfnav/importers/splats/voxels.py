@@ -23,8 +23,8 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field import FieldInfo, VoxelField
-from nerfnav.field.edit.bake import fitted
-from nerfnav.geometry import Box, shape_for, spacing_of
+from nerfnav.field.edit.bake import fitted, fitting_shape
+from nerfnav.geometry import Box, spacing_of
 from nerfnav.importers.splats.gaussians import Splats, robust_extent
 from nerfnav.importers.splats.kernels.splatting import REACH, splat
 
@@ -64,12 +64,7 @@ def voxelize(splats: Splats, config: VoxelizeConfig | None = None, source: str =
             f"{source or 'the field'}: the box {box.describe()} is empty: its upper corner must lie beyond the lower"
         )
     voxel = _voxel_for(box) if config.voxel is None else config.voxel
-    if not voxel > 0 or box.size.double().prod().item() / voxel**3 > MOST_NODES:
-        raise InvalidInputError(
-            f"{source or 'the field'}: voxels of {voxel:g} m in a box of {box.describe()} are impossible or more than "
-            f"{MOST_NODES}: choose larger ones"
-        )
-    shape = shape_for(box, voxel)
+    shape = fitting_shape(box, voxel, MOST_NODES, source or "the field")
     density, color = np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32)
     arrays = _in_grid(splats, box, spacing_of(box, shape).numpy().astype(np.float64))
     with threads(default_threads()):

@@ -90,3 +90,9 @@ def test_colours_that_depend_on_the_direction_become_their_mean_over_those_that_
 def test_impossible_voxels_are_refused(voxel: float) -> None:
     with pytest.raises(InvalidInputError, match="voxels"):
         next(bake(BALLS, BakeConfig(voxel=voxel)))
+
+
+def test_a_grid_that_memory_cannot_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nerfnav.core.memory.available_memory", lambda: 10**6)
+    with pytest.raises(InvalidInputError, match=r"voxels may take .* of memory are free: choose larger ones"):
+        next(bake(BALLS, BakeConfig(voxel=0.02)))

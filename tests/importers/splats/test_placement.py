@@ -101,3 +101,14 @@ def test_a_mast_that_is_thin_but_there_stays_in_the_box(tmp_path: Path) -> None:
     points = np.concatenate([room(), mast])
     lower, upper = robust_extent(splats_of(points, tmp_path).centers)
     assert upper[2] > 4.5 and lower[2] <= -0.69
+
+
+def test_two_splats_that_lie_apart_along_all_axes_keep_the_habit_of_their_format() -> None:
+    centers = np.array([[0.0, 0.0, -2.0], [-2.0, 2.0, 1.0]], np.float32)
+    splats = Splats(
+        centers, np.tile(1e-4 * np.eye(3, dtype=np.float32), (2, 1, 1)), np.full((2, 3), 0.5, np.float32),
+        np.array([0.9, 0.6], np.float32), 2, {},
+    )  # fmt: skip
+    lower, upper = robust_extent(splats.centers, splats.masses)
+    assert not ((splats.centers >= lower) & (splats.centers <= upper)).all(1).any()  # none lies in all three ranges
+    assert guess_up(splats) == ((0, -1, 0), "(the habit of its format)")

@@ -104,3 +104,9 @@ def test_strays_far_away_do_not_stretch_the_box(tmp_path: Path) -> None:
 def test_impossible_grids_are_refused(config: VoxelizeConfig, reported: str) -> None:
     with pytest.raises(InvalidInputError, match=reported):
         voxelize(one((0.1, 0.1, 0.1), 0.5), config)
+
+
+def test_a_grid_that_memory_cannot_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nerfnav.core.memory.available_memory", lambda: 10**6)
+    with pytest.raises(InvalidInputError, match=r"a.spz: fitting .* of memory are free: choose larger ones"):
+        voxelize(one((0.1, 0.1, 0.1), 0.5), VoxelizeConfig(voxel=0.01, box=BOX), "a.spz")
