@@ -153,7 +153,7 @@ class LiveServer:
         pixels = pixels_of(picture, self._navigator.camera)
         waited = time.perf_counter() - came.at
         sent = picture.time if picture.now is None else picture.now
-        answer = self._navigator.see(pixels, picture.time, picture.goal, sent + waited)
+        answer = self._navigator.see(pixels, picture.time, picture.goal, sent + waited, picture.held)
         if answer.camera_check is not None and not self._is_checked:
             self._is_checked = True
             self._checked(answer.camera_check)

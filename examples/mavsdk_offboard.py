@@ -23,12 +23,13 @@ async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
     from mavsdk.offboard import AccelerationNed, PositionNedYaw, VelocityNedYaw  # pyright: ignore[reportMissingImports]
 
     drone, pictures, offboard = System(), cv2.VideoCapture(int(camera) if camera.isdigit() else camera), False
+    held = False
     await drone.connect(system_address=autopilot)
     with LiveClient(address) as live:
         while (read := pictures.read())[0]:
             taken = time.time()
             picture = cv2.cvtColor(read[1], cv2.COLOR_BGR2RGB)
-            answer = await asyncio.to_thread(live.see, picture, taken, goal, time.time())
+            answer = await asyncio.to_thread(live.see, picture, taken, goal, time.time(), held)
             if answer.position and answer.quaternion:
                 (x, y, z), (w, i, j, k) = answer.position, answer.quaternion
                 roll = math.atan2(2 * (j * k + w * i), 1 - 2 * (i * i + j * j))
@@ -42,6 +43,7 @@ async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
             setpoint = guidance and guidance.at(now)
             order = guidance and f"{guidance.order.value}: {guidance.reason}"
             print(f"{answer.status}, {answer.latency_ms:.0f} ms, {order}")
+            held = setpoint is None
             if setpoint is None:
                 if offboard:
                     await drone.action.hold()

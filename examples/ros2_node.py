@@ -22,7 +22,7 @@ def main(address: str, goal: Goal, topic: str) -> None:
     )
 
     rclpy.init()
-    node, live = rclpy.create_node("nerfnav"), LiveClient(address)
+    node, live, held = rclpy.create_node("nerfnav"), LiveClient(address), False
     estimates = node.create_publisher(PoseWithCovarianceStamped, "estimate", 10)
     trajectories = node.create_publisher(MultiDOFJointTrajectory, "command/trajectory", 10)
 
@@ -30,9 +30,11 @@ def main(address: str, goal: Goal, topic: str) -> None:
         return 1e-9 * node.get_clock().now().nanoseconds
 
     def on_image(image: Image) -> None:
+        nonlocal held
         time = image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec
-        answer = live.see(decode_image_message(image).numpy(), time, goal, now())
+        answer = live.see(decode_image_message(image).numpy(), time, goal, now(), held)
         guidance = answer.guidance_at(now())
+        held = guidance is None or not guidance.setpoints
         if answer.position and answer.quaternion and answer.covariance:
             stamped = PoseWithCovarianceStamped()
             stamped.header.stamp, stamped.header.frame_id = image.header.stamp, "map"

@@ -56,24 +56,34 @@ class LiveClient(AbstractContextManager["LiveClient"]):
         self.welcome = check_version(self._received(timeout))
 
     def see(
-        self, picture: np.ndarray | bytes, time: float, goal: Goal | None = None, now: float | None = None
+        self,
+        picture: np.ndarray | bytes,
+        time: float,
+        goal: Goal | None = None,
+        now: float | None = None,
+        held: bool = False,
     ) -> Answer:
         """Return the answer to a picture, see Navigator.see; it is RGB (height, width, 3), or the bytes of a JPEG file.
 
         Raises InvalidInputError for what the server refuses, LiveError where it is gone or does not answer.
         """
-        self.send(picture, time, goal, now)
+        self.send(picture, time, goal, now, held)
         answer = self.answer(self._timeout)
         if answer is None:
             raise LiveError(f"the server has not answered within {self._timeout:g} s")
         return answer
 
     def send(
-        self, picture: np.ndarray | bytes, time: float, goal: Goal | None = None, now: float | None = None
+        self,
+        picture: np.ndarray | bytes,
+        time: float,
+        goal: Goal | None = None,
+        now: float | None = None,
+        held: bool = False,
     ) -> None:
         """Send a picture and do not wait. Raises LiveError where the server is gone."""
         try:
-            self._socket.send(encode_message(_message(picture, time, goal, now)))
+            self._socket.send(encode_message(_message(picture, time, goal, now, held)))
         except ConnectionClosed as error:
             raise LiveError(_why(error)) from error
 
@@ -106,12 +116,14 @@ class LiveClient(AbstractContextManager["LiveClient"]):
             raise LiveError(_why(error)) from error
 
 
-def _message(picture: np.ndarray | bytes, time: float, goal: Goal | None, now: float | None) -> Picture:
+def _message(
+    picture: np.ndarray | bytes, time: float, goal: Goal | None, now: float | None, held: bool
+) -> Picture:
     if isinstance(picture, bytes):
-        return Picture(time, picture, now=now, goal=goal)
+        return Picture(time, picture, now=now, goal=goal, held=held)
     if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
         raise InvalidInputError(f"pictures are uint8, height x width x RGB, not {picture.dtype} of {picture.shape}")
-    return Picture(time, picture.tobytes(), "rgb8", Size(picture.shape[1], picture.shape[0]), now, goal)
+    return Picture(time, picture.tobytes(), "rgb8", Size(picture.shape[1], picture.shape[0]), now, goal, held)
 
 
 def _named(address: str) -> str:

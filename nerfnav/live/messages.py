@@ -4,7 +4,7 @@ A binary message is a map in MessagePack, a text message the same in JSON with b
 the same way, and greets in JSON. Each message says in `type` what it is:
 
     server -> vehicle   welcome   once, at first: version, field, robot, camera, box
-    vehicle -> server   picture   time, data, encoding, and perhaps size, now, goal
+    vehicle -> server   picture   time, data, encoding, and perhaps size, now, goal, held
     server -> vehicle   answer    see Answer: one for each picture that was looked at
     server -> vehicle   error     sentence: what was wrong with the last message; the connection stays
 
@@ -37,7 +37,7 @@ class Size:
     height: int
 
 
-class Picture(msgspec.Struct, frozen=True, tag="picture", forbid_unknown_fields=True):
+class Picture(msgspec.Struct, frozen=True, tag="picture", forbid_unknown_fields=True, omit_defaults=True):
     """Picture with its time."""
 
     time: float
@@ -51,6 +51,8 @@ class Picture(msgspec.Struct, frozen=True, tag="picture", forbid_unknown_fields=
     """What the vehicle's clock says as this is sent [s]; without it the picture counts as new."""
     goal: Goal | None = None
     """Where to arrive; without it no guidance is answered."""
+    held: bool = False
+    """The vehicle does not follow the guidance that was answered last, as where that came too late."""
 
 
 class Welcome(msgspec.Struct, frozen=True, tag="welcome"):

@@ -122,11 +122,15 @@ class Navigator:
         self._guide.toward(Goal((x, y, z)), belief, 0.0)
         self._guide.forget()
 
-    def see(self, picture: Tensor, time: float, goal: Goal | None = None, now: float | None = None) -> Answer:
+    def see(
+        self, picture: Tensor, time: float, goal: Goal | None = None, now: float | None = None, held: bool = False
+    ) -> Answer:
         """Track and guide by a picture (uint8, height x width x RGB) of a time [s] of the vehicle's clock.
 
         With a `goal` it says what to do to arrive there; `now` is the time of that clock at the call, from which the
-        picture's age follows. Raises InvalidInputError for what is no picture of the camera, or no time.
+        picture's age follows. `held` says that the vehicle does not follow the last guidance, as where that came too
+        late (Answer.guidance_at): it is predicted at constant velocities then, and its plan is made anew. Raises
+        InvalidInputError for what is no picture of the camera, or no time.
         """
         self._check(picture, time, now)
         clock, stamp = self._clock, self._clock.judge(time)
@@ -136,6 +140,9 @@ class Navigator:
             return Answer(time, OLD, f"not used: it was taken at {format_stamp(time)}{before}{doubt}")
         if stamp is Stamp.RESTARTED:
             self.forget()
+        if held:
+            self._guide.forget()
+            self._followed = None
         last = time if self._clock.last is None else self._clock.last
         action = compute_guided_action(self._followed, last, time, not self.robot.planar)
         tracked = self._tracker.observe(Frame(time, picture, f"the picture of {time:.3f} s"), action)

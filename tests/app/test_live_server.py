@@ -39,6 +39,7 @@ class Double:
     def __init__(self) -> None:
         self.seen: list[tuple[float, Goal | None, float | None]] = []
         self.pictures: list[Tensor] = []
+        self.held: list[bool] = []
         self.forgotten = 0
         self.free = threading.Event()
         self.free.set()
@@ -49,9 +50,12 @@ class Double:
     def forget(self) -> None:
         self.forgotten += 1
 
-    def see(self, picture: Tensor, time: float, goal: Goal | None = None, now: float | None = None) -> Answer:
+    def see(
+        self, picture: Tensor, time: float, goal: Goal | None = None, now: float | None = None, held: bool = False
+    ) -> Answer:
         self.seen.append((time, goal, now))
         self.pictures.append(picture)
+        self.held.append(held)
         assert self.free.wait(PATIENCE_S)
         if time < 0:
             raise InvalidInputError("this time is before the beginning")
@@ -107,12 +111,12 @@ def test_pictures_go_in_and_answers_come_out(double: Double, address: str) -> No
         assert answer.covariance == ((0.5,) * 6,) * 6
         assert answer.latency_ms == pytest.approx(answer.waited_ms + 5) and answer.waited_ms > 0
         lasted = time.monotonic() - began
-        guided = live.see(PICTURE, 7.6, Goal((1, 2, 0.5), 0.3), now=7.65).guidance
+        guided = live.see(PICTURE, 7.6, Goal((1, 2, 0.5), 0.3), now=7.65, held=True).guidance
         assert guided is not None and guided.order is Order.FOLLOW and guided.setpoints == (POINT,)
     (_, none, now), (_, goal, later) = double.seen
     assert none is None and now is not None and 7.5 < now < 7.5 + lasted
     assert goal == Goal((1, 2, 0.5), 0.3) and later is not None and later > 7.65, "the time that it waited counts"
-    assert (double.pictures[0].numpy() == PICTURE).all()
+    assert (double.pictures[0].numpy() == PICTURE).all() and double.held == [False, True]
 
 
 def test_files_and_pixels_of_either_order_are_pictures(double: Double, address: str) -> None:

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from nerfnav.geometry import FORWARD_MOUNT
-from nerfnav.live import Navigator
+from nerfnav.live import Goal, Guidance, Navigator, Order, Setpoint
 from nerfnav.live.navigator import OLD
 from nerfnav.robots import Quadrotor
 from nerfnav.tracking import Frame, TrackedFrame, TrackStatus
@@ -18,6 +18,7 @@ class Lost:
 
     def __init__(self) -> None:
         self.times: list[float] = []
+        self.actions: list[object] = []
         self.forgotten = 0
 
     def forget(self) -> None:
@@ -25,6 +26,7 @@ class Lost:
 
     def observe(self, frame: Frame, action: object) -> TrackedFrame:
         self.times.append(frame.time)
+        self.actions.append(action)
         return TrackedFrame(frame.time, frame.name, TrackStatus.SEARCHING, None, FORWARD_MOUNT, 0.0)
 
 
@@ -45,3 +47,14 @@ def test_pictures_are_used_again_after_a_wrong_stamp_and_after_a_new_clock(
     assert len(said) == 1 and word in said[0] and "\n" not in said[0]
     refused = [answer.sentence for answer in answers if answer.status == OLD]
     assert len(refused) == 1 and "the next picture tells whether the clock began anew" in refused[0]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_vehicle_that_holds_is_not_predicted_along_the_guidance_that_it_did_not_take(held: bool) -> None:
+    navigator, lost = Navigator(field(), Quadrotor(), CAMERA), Lost()
+    navigator._tracker = lost  # pyright: ignore[reportAttributeAccessIssue]
+    navigator.see(PICTURE, 1.0)
+    way = tuple(Setpoint(t, (t, 0.0, 0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0) for t in (1.0, 2.0))
+    navigator._followed = Guidance(Order.FOLLOW, "", way)
+    navigator.see(PICTURE, 1.5, Goal((2.0, 0.0, 0.5)), held=held)
+    assert lost.actions[0] is None and (lost.actions[1] is None) == held
