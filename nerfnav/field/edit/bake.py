@@ -116,7 +116,7 @@ def moments(points: Refined) -> Grid:
 MOST_NODES = 30_000_000
 """Fitting takes eight points for each node."""
 _BYTES = 70
-"""Memory that fitting takes for each node, measured with 1 to 8 million nodes: 54 to 69 bytes."""
+"""Memory that fitting takes for each node [bytes]: 54 to 69 were measured."""
 _AT_ONCE = 1 << 16
 _NODES_ALONG = 160
 _LEAST_LIGHT = 0.1  # share of a node's light: what less of it reaches hardly sees the node
@@ -159,7 +159,7 @@ class EditStep:
 def bake(field: Field, config: BakeConfig | None = None) -> Generator[EditStep, None, VoxelField]:
     """Bake `field` on a grid of its box, on its box's device and then the CPU; its info notes the PSNR of the result.
 
-    Raises InvalidInputError where the voxels make no sense.
+    Raises InvalidInputError where the voxels make no sense, or memory cannot hold them.
     """
     config = BakeConfig() if config is None else config
     box = field.box.to("cpu")

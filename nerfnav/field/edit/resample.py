@@ -52,7 +52,7 @@ Grid = Float[Tensor, "nx ny nz"]
 def resample_field(field: VoxelField, similarity: Similarity) -> Generator[EditStep, None, VoxelField]:
     """Resample a field after p' = s R p + t, on nodes s times as far apart.
 
-    Raises InvalidInputError where these are too many.
+    Raises InvalidInputError where these are too many, or more than memory holds.
     """
     box, spacing = similarity.box(field.box), similarity.scale * float(field.spacing.min())
     back, shape = similarity.inverted(), fitting_shape(box, spacing, what="the turned field", advice="crop it first")

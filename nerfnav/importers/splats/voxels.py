@@ -56,7 +56,10 @@ class VoxelizeConfig:
 
 
 def voxelize(splats: Splats, config: VoxelizeConfig | None = None, source: str = "") -> VoxelField:
-    """A voxel field of splats that are in metres with Z up. Raises InvalidInputError where the grid makes no sense."""
+    """A voxel field of splats that are in metres with Z up.
+
+    Raises InvalidInputError where the grid makes no sense, or memory cannot hold it.
+    """
     config = VoxelizeConfig() if config is None else config
     box = _box_of(splats, config) if config.box is None else config.box
     if not bool((box.size > 0).all()):
