@@ -53,8 +53,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int | None:
-    """With `-n auto`, one process more than cores: that of the browser tests waits for the browser most of the time."""
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 1 + len(os.sched_getaffinity(0))
+    """With `-n auto`, two processes more than cores: that of the browser tests waits for the browser most of the time,
+    others wait for commands that they start, and for timers."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 2 + len(os.sched_getaffinity(0))
 
 
 @pytest.hookimpl(optionalhook=True)
