@@ -13,10 +13,11 @@ from nerfnav.planner import terms
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.solvers.warm_start import WarmStartConfig, replan_from
+from nerfnav.planner.solvers.warm_start import WarmStartConfig, _leaves_limits, replan_from
 from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep, Restart
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.planner.trajectory import Route
+from nerfnav.robots import limit_uses
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import ROBOT, Fog, Wall, all_of, ball
 
@@ -46,7 +47,7 @@ def test_a_plan_is_continued_that_costs_what_its_problem_adds_to_the_cost():
     def high(_: object, motion: Motion) -> Tensor:
         return (motion.states.position[..., 2] - 0.8).square().sum(-1)
 
-    first = PlanProblem(ball(), ROBOT, START, GOAL, terms=(*terms.list_terms(), CostTerm("high", high, 2000.0)))
+    first = PlanProblem(ball(), ROBOT, START, GOAL, terms=(*terms.list_terms(), CostTerm("high", high, 1000.0)))
     flown = run_steps(plan_fast(first))
     assert flown.cost.added[0].value > 0.5 * flown.cost.total
     left = replace(first, start=flown.motion.states[1].retract(torch.tensor([0.01, -0.01, *[0.0] * 10])), steps=19)
@@ -99,6 +100,22 @@ def test_a_plan_that_is_no_number_is_made_anew(flown: Motion):
     last = again(broken)[-1]
     assert last.restart is Restart.UNUSABLE
     assert last.outcome is PlanOutcome.CONVERGED
+
+
+@pytest.mark.parametrize("executed", [12, 13])
+def test_a_plan_that_cannot_be_followed_within_the_limits_is_made_anew(flown: Motion, executed: int):
+    left = len(flown.actions) - executed  # the robot is still at its start: 1.4 m in 0.7 s
+    last = run_steps(replan_from(PlanProblem(ball(), ROBOT, START, GOAL, left), flown, executed, FastPlanConfig()))
+    assert last.restart is Restart.UNUSABLE and last.outcome is PlanOutcome.CONVERGED
+    assert len(last.motion.actions) > left and not any(use.violated for use in limit_uses(ROBOT, last.motion))
+
+
+def test_a_start_beyond_the_limits_is_no_fault_of_the_plan(flown: Motion):
+    speeds = torch.full((len(flown.actions) + 1, 1), 1.1 * ROBOT.config.max_speed)
+    fast = replace(flown, states=replace(flown.states, velocity=speeds * torch.tensor([1.0, 0.0, 0.0])))
+    assert not _leaves_limits(ROBOT, fast)
+    fast.states.velocity[5] *= 1.1
+    assert _leaves_limits(ROBOT, fast)
 
 
 def test_a_start_that_is_no_number_is_refused(flown: Motion):

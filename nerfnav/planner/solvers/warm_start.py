@@ -6,8 +6,8 @@
 - `replan_moved_ends`: plan again from that, many times a second.
 
 An optimiser that only ever improves the last plan follows it wherever it goes. `replan_from` therefore checks before
-and after its search that the plan still ends at the goal, stays clear and costs not much more than what was left of
-it. Otherwise it searches paths anew from the robot's state, and the better plan is flown.
+and after its search that the plan still ends at the goal, stays clear, keeps the robot's limits and costs not much more
+than what was left of it. Otherwise it searches paths anew from the robot's state, and the better plan is flown.
 """
 
 import math
@@ -47,6 +47,9 @@ from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap
 
 _SLOWER = 1.15
 """Factor between the durations in which a path may be followed sooner."""
+_BEYOND = 1.05
+"""Factor on a limit, or on the start's value if that is larger, up to which the rest of a plan is kept: noise takes a
+robot that far."""
 _RECOVERY_S = 1.2
 """Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""
 
@@ -130,7 +133,7 @@ def replan_from(
     else:
         expected = _cost_left(problem, last, executed, config)
         kept = yield from replan_fast(problem, trajectory, config)
-        reason = _fault(kept, expected, warm) or reason
+        reason = _fault(problem.robot, kept, expected, warm) or reason
         if reason is None:
             return kept
         yield kept.as_step()
@@ -166,9 +169,16 @@ def _plan_anew(
     if kept is not None and not guesses.leads:
         return replace(kept, iteration=count, restart=reason)
     found = yield from count_on(improve_or_wait(problem, guesses, config, known), count, reason)
-    if kept is None or not found.cost.total >= kept.cost.total:
+    if kept is None or _is_better(found, kept, reason):
         return found if guesses.leads else replace(found, outcome=PlanOutcome.NO_PATH)
     return replace(kept, iteration=found.iteration, restart=reason)
+
+
+def _is_better(found: PlanResult, kept: PlanResult, reason: Restart) -> bool:
+    """Compare a new plan with the kept one: one over the limits gives way to one that keeps them; else J decides."""
+    if reason is Restart.UNUSABLE and kept.outcome is PlanOutcome.OVER_LIMITS:
+        return found.outcome in FLYABLE
+    return not found.cost.total >= kept.cost.total
 
 
 def _new_guesses(
@@ -214,13 +224,27 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
     return total * max(1.0, problem.steps / left)
 
 
-def _fault(found: PlanResult, expected: float, warm: WarmStartConfig) -> Restart | None:
+def _fault(robot: Robot, found: PlanResult, expected: float, warm: WarmStartConfig) -> Restart | None:
     """Return the reason to give up a plan that continues the last one; None for a good plan."""
-    if found.outcome is PlanOutcome.DIVERGED:
+    over = found.outcome is PlanOutcome.OVER_LIMITS and _leaves_limits(robot, found.motion)
+    if over or found.outcome is PlanOutcome.DIVERGED:
         return Restart.UNUSABLE
     if found.outcome is PlanOutcome.IN_COLLISION:
         return Restart.IN_COLLISION
     return Restart.COST_ROSE if found.cost.total > warm.rise * expected + warm.slack else None
+
+
+def _leaves_limits(robot: Robot, motion: Motion) -> bool:
+    """Return True if a motion goes beyond the robot's limits, and further than its start, which no plan can change."""
+    demands = robot.demands(motion)
+    for bound in robot.bounds:
+        values, states = demands[bound.name], len(motion.actions) + 1
+        start = values[0].item() if len(values) == states else 0.0
+        if bound.upper is not None and values.max() > _BEYOND * max(bound.upper, start):
+            return True
+        if bound.lower is not None and values.min() < min(bound.lower, start) - (_BEYOND - 1) * abs(bound.lower):
+            return True
+    return False
 
 
 _LOST = (PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
