@@ -250,7 +250,11 @@ class LimitUse(Limit):
     @property
     def violated(self) -> bool:
         """Return True if the motion leaves the allowed range."""
-        span = _TOLERANCE * max(abs(self.lower or 0.0), abs(self.upper or 0.0))
+        return self.exceeds(_TOLERANCE)
+
+    def exceeds(self, share: float) -> bool:
+        """Return True if the motion leaves the allowed range by more than a share of its larger bound."""
+        span = share * max(abs(self.lower or 0.0), abs(self.upper or 0.0))
         below = self.lower is not None and self.least < self.lower - span
         return below or (self.upper is not None and self.most > self.upper + span)
 

@@ -43,12 +43,12 @@ from nerfnav.planner.steps import FLYABLE, PlanOutcome, PlanResult, PlanSteps, R
 from nerfnav.planner.terms.delay import DELAY
 from nerfnav.planner.terms.term import evaluate
 from nerfnav.planner.trajectory import Route, Trajectory
-from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap_angles
+from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, limit_uses, unwrap_angles
 
 _SLOWER = 1.15
 """Factor between the durations in which a path may be followed sooner."""
-_BEYOND = 1.05
-"""Factor on a limit, or on the start's value if that is larger, up to which the rest of a plan is kept: noise takes a
+_BEYOND = 0.05
+"""Share of a limit, or of the start's value if that is larger, by which the rest of a plan may exceed it: noise takes a
 robot that far."""
 _RECOVERY_S = 1.2
 """Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""
@@ -237,12 +237,14 @@ def _fault(robot: Robot, found: PlanResult, expected: float, warm: WarmStartConf
 def _leaves_limits(robot: Robot, motion: Motion) -> bool:
     """Return True if a motion goes beyond the robot's limits, and further than its start, which no plan can change."""
     demands = robot.demands(motion)
-    for bound in robot.bounds:
-        values, states = demands[bound.name], len(motion.actions) + 1
-        start = values[0].item() if len(values) == states else 0.0
-        if bound.upper is not None and values.max() > _BEYOND * max(bound.upper, start):
-            return True
-        if bound.lower is not None and values.min() < min(bound.lower, start) - (_BEYOND - 1) * abs(bound.lower):
+    for use in limit_uses(robot, motion):
+        values = demands[use.name]
+        if len(values) > len(motion.actions):  # of the states, whose first one is the start
+            start = values[0].item()
+            lower = None if use.lower is None else min(use.lower, start)
+            upper = None if use.upper is None else max(use.upper, start)
+            use = replace(use, lower=lower, upper=upper)
+        if use.exceeds(_BEYOND):
             return True
     return False
 
