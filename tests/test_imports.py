@@ -79,6 +79,7 @@ INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "nerfnav.importers": (
         ("core",),
+        ("sfm",),
         ("alignment", "captures", "nerf"),
         ("splats",),
         ("meshes",),
@@ -141,11 +142,8 @@ ONLY_IN = {
     "threading": tuple(f"nerfnav_app.{name}" for name in ("worker", "ui_loop", "security", "cli.commands.serve")),
 }
 """External modules to the modules of app/ that may import them."""
-OWN_PROCESS = tuple(
-    f"nerfnav.{name}" for name in ("importers.captures.pose_frames", "importers.captures.posing", "experiments.study")
-)
-"""Modules of the library that may start a process: COLMAP aborts the one that it runs in, and logs to its terminal;
-trials run at the same time."""
+SIDE_BY_SIDE = ("nerfnav.experiments.study", "nerfnav.importers.sfm.pose_pictures")
+"""Modules of the library that may start processes or threads: for trials, and for the frames of a video."""
 SETTING_THREADS = tuple(
     f"nerfnav_app.{name}" for name in ("worker", "live_server", "kernels_ahead", "cli.progress", "benchmarks")
 )
@@ -328,7 +326,7 @@ def the_library_has_no_viewer_no_threads_no_arguments_and_no_prints() -> Iterato
     banned = {"viser", "threading", "argparse", "tyro", "tqdm", "rich", "concurrent", "multiprocessing"}
     for path in LIBRARY:
         roots = {module.split(".")[0] for module in imported(path)}
-        allowed = {"multiprocessing"} if module_of(path) in OWN_PROCESS else set()
+        allowed = {"multiprocessing", "concurrent"} if module_of(path) in SIDE_BY_SIDE else set()
         yield from (f"{relative(path)} imports {name}" for name in roots & (banned - allowed))
         for node in nodes_of(path):
             if isinstance(node, ast.Name) and node.id == "print":

@@ -9,16 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers import SourceKind, source_kind
 from nerfnav_app.benchmarks.house import write_house
 
 BARS = {
     "baked": {"shown": 2.0, "planned": 8.0, "flown": 30.0},
     "fused": {"planned": 30.0},
     "draft": {"planned": 60.0},
+    "video": {"planned": 180.0},
     "imported": {"planned": 15.0},
 }
 """Times that a file may take on two cores, with compiled kernels, by the origin of its first field [s]: a mesh, RGB-D,
-photographs, splats."""
+photographs, splats; and of a video, posing included."""
 COLOR_S = 60.0
 """Time to learn colours, or to train a draft [s]."""
 _CHILD = """
@@ -55,5 +57,5 @@ def _in_a_new_process(source: Path, out: Path, seconds: float) -> dict[str, Any]
     row = json.loads(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout.splitlines()[-1])
     if "error" in row:
         raise InvalidInputError(row["error"])
-    bars = BARS.get(row["made_by"], {})
+    bars = BARS["video"] if source_kind(source) is SourceKind.VIDEO else BARS.get(row["made_by"], {})
     return row | {"slow": [name for name, most in bars.items() if row[name] is None or row[name] > most]}

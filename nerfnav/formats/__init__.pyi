@@ -8,6 +8,8 @@ from .camera_file import read_camera as read_camera
 from .colmap import ColmapCamera as ColmapCamera
 from .colmap import ColmapImage as ColmapImage
 from .colmap import ColmapModel as ColmapModel
+from .colmap import ColmapPoint as ColmapPoint
+from .colmap import write_colmap as write_colmap
 from .files import PICTURE_FOLDERS as PICTURE_FOLDERS
 from .files import PICTURES as PICTURES
 from .files import NamedFiles as NamedFiles

@@ -5,7 +5,7 @@ Points are where rays of matched features met, with the tracks of images that sh
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -163,6 +163,23 @@ class ColmapModel:
                 "copy that file from COLMAP's output, too"
             )
         return path
+
+
+def write_colmap(
+    folder: Path, cameras: Sequence[ColmapCamera], images: Sequence[ColmapImage], points: Sequence[ColmapPoint]
+) -> None:
+    """Write a model as text, without the features of its images."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows: dict[str, list[Sequence[object]]] = {name: [] for name in FILES}
+    for camera in cameras:
+        rows["cameras"].append((camera.number, camera.model, *map(round, camera.size), *camera.numbers))
+    for image in images:
+        rows["images"] += [(image.number, *image.quaternion, *image.translation, image.camera, image.name), ()]
+    for number, point in enumerate(points, 1):
+        track = (word for image in point.images for word in (image, 0))
+        rows["points3D"].append((number, *point.position, 0, 0, 0, point.error, *track))
+    for name, lines in rows.items():
+        (folder / f"{name}.txt").write_text("".join(" ".join(map(str, line)) + "\n" for line in lines), "utf-8")
 
 
 def read_cameras(path: Path) -> Iterator[ColmapCamera]:

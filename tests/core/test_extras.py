@@ -20,7 +20,6 @@ from nerfnav.experiments.reflight import Setpoint, Track, fly_crazyflie, fly_qui
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros_bags import mcap, rosbag2
 from nerfnav.importers.captures.depths import stored_map
-from nerfnav.importers.captures.video import make_capture_of_video
 from nerfnav.importers.meshes.files import read_mesh
 from nerfnav.planner.baselines.rrt import require_ompl
 from nerfnav.robots.quadrotor import Quadrotor
@@ -75,11 +74,6 @@ USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     ),
     "collada": ("meshes", r"a Collada mesh \(.dae\)", collada),
     "DracoPy": ("meshes", "a mesh with Draco compression", draco),
-    "pycolmap": (
-        "video",
-        "a video, which has no poses,",
-        lambda folder: next(make_capture_of_video(folder / "walk.mp4", folder)),
-    ),
 }
 
 
@@ -115,7 +109,7 @@ def test_the_extra_that_is_named_brings_the_package(package: str) -> None:
 
 
 def test_the_app_has_every_extra_that_it_offers() -> None:
-    under_the_gpl = {"reflight", "video"}  # cvxopt, and parts of SuiteSparse in the wheel of pycolmap
+    under_the_gpl = {"reflight"}  # cvxopt
     extras = {extra for extra, *_ in USES.values()} - under_the_gpl
     assert PROJECT["optional-dependencies"]["app"] == [f"nerfnav[{','.join(sorted(extras))}]"]
 

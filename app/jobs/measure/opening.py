@@ -11,7 +11,7 @@ from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
 from nerfnav_app.benchmarks import opening
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 
-_KINDS = (SourceKind.MESH, SourceKind.CAPTURE, SourceKind.SPLATS)
+_KINDS = (SourceKind.MESH, SourceKind.CAPTURE, SourceKind.VIDEO, SourceKind.SPLATS)
 _KNOWN = ("warehouse.glb", "redkitchen", "fox", "lego", "plush.splat", "splats/plush.splat")
 """Files that are timed by default, where there are any."""
 
@@ -23,7 +23,7 @@ class OpeningRequest:
     what: Positional[Literal["open"]]
     """Time the opening of files."""
     files: Positional[tuple[Path, ...]] = ()
-    """Meshes, captures or splats (default: a furnished house of 20 m, which is generated, and those of --data)."""
+    """Meshes, captures, videos or splats (default: a furnished house of 20 m, generated, and those of --data)."""
     data: Path | None = None
     """Folder with known files, of which those that it holds are timed too: warehouse.glb, redkitchen (RGB-D), fox,
     lego, plush.splat."""
@@ -42,7 +42,7 @@ def run(request: OpeningRequest) -> JobEvents:
     """
     for file in request.files:
         if (kind := source_kind(file)) not in _KINDS:
-            raise wrong_kind_error(file, kind, "a mesh, a capture or splats")
+            raise wrong_kind_error(file, kind, "a mesh, a capture, a video or splats")
     files = request.files or (None, *_known(request.data))
     names = [file.name for file in request.files]
     if len(set(names)) < len(names):

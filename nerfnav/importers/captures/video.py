@@ -14,12 +14,11 @@ import cv2
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.extras import require_extra
 from nerfnav.core.jit import default_threads
-from nerfnav.importers.captures.posing import estimate_poses, explain_failure
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.progress import ImportStep
 from nerfnav.importers.core.video_frames import count_frames, read_video
+from nerfnav.importers.sfm.posing import estimate_poses
 
 _JUDGED_PIXELS = 250_000
 """Size of pictures whose sharpness is compared."""
@@ -78,19 +77,16 @@ def make_capture_of_video(
 ) -> Generator[ImportStep, None, VideoReport]:
     """Write frames into `folder`/images and COLMAP's model into `folder`/sparse, which make it a capture.
 
-    Frames are posed by a process of its own: a script that calls this has its own work
-    under `if __name__ == "__main__"`. Raises CaptureError, in one sentence, where the video cannot be read or no poses
-    can be found, and MissingExtraError where what finds them is not installed.
+    Raises CaptureError, in one sentence, where the video cannot be read or no poses can be found.
     """
-    require_extra("pycolmap", "video", "a video, which has no poses,")  # before long work
     try:
         chosen = yield from choose_frames(video, folder / "images", config)
     except InvalidInputError as error:
         raise CaptureError(str(error)) from error
-    model = yield from estimate_poses(folder, default_threads(), _CHOOSING)
-    posed = len(model.poses)
-    if posed < _LEAST_SHARE * len(chosen) or len(model.points) < _LEAST_POINTS:
-        reason = explain_failure(folder, float(np.median([frame.brightness for frame in chosen])))
+    posing = yield from estimate_poses(folder, default_threads(), _CHOOSING)
+    posed = len(posing.model.poses)
+    if posed < _LEAST_SHARE * len(chosen) or len(posing.model.points) < _LEAST_POINTS:
+        reason = posing.explain_failure(float(np.median([frame.brightness for frame in chosen])))
         raise CaptureError(f"poses were found for {posed} of {len(chosen)} frames of {video}: {reason}")
     return VideoReport(len(chosen), posed)
 

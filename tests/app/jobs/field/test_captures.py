@@ -11,10 +11,10 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.config import TrainConfig
-from nerfnav.importers.captures import posing
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions
+from nerfnav.importers.sfm import posing
 from nerfnav_app.cli.main import BAD_INPUT, main
 from nerfnav_app.jobs.events import Progress, SurfaceShaped
 from nerfnav_app.jobs.field.captures import NODES, frames_in, gather
@@ -25,9 +25,9 @@ from nerfnav_app.jobs.open import make_field as adopt
 from nerfnav_app.places.sources import BUDGETS_S, USUAL
 from nerfnav_app.places.surface_glb import read_box
 from tests.app.following import followed, result_of
-from tests.importers.captures import fake_posing
 from tests.importers.captures.synthetic import changed, write_transforms
 from tests.importers.captures.test_video import shaky, write_video
+from tests.importers.sfm import fake_posing
 
 
 def zipped(folder: Path) -> Path:
@@ -105,7 +105,7 @@ def test_a_video_is_posed_in_view_and_its_frames_are_the_capture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(posing, "pose_frames", fake_posing.pose_all)
+    monkeypatch.setattr(posing, "pose_pictures", fake_posing.pose_all)
     source = write_video(tmp_path / "walk.avi", shaky(60, 5))
     events, material = [], None
     gathering = gather(request(source, tmp_path / "f.npz"))
@@ -124,7 +124,7 @@ def test_a_video_that_cannot_be_posed_is_bad_input_in_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(posing, "pose_frames", fake_posing.pose_few)
+    monkeypatch.setattr(posing, "pose_pictures", fake_posing.pose_few)
     source = write_video(tmp_path / "walk.avi", shaky(60, 5))
     assert main(["train", str(source), "--out", str(tmp_path / "f.npz")]) == BAD_INPUT
     (line,) = capsys.readouterr().err.strip().splitlines()
@@ -138,20 +138,18 @@ def test_frames_of_a_video_follow_from_the_budget() -> None:
         assert frames_in(quality, budget) == frames_in(quality, None), "a draft and its refinement share their world"
 
 
-def test_posing_that_is_stopped_or_cancelled_ends_its_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_posing_that_is_stopped_or_cancelled_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(posing, "pose_frames", fake_posing.wait)
+    monkeypatch.setattr(posing, "pose_pictures", fake_posing.wait)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     source = write_video(tmp_path / "walk.avi", shaky(60, 5))
     for stop in (lambda job: job.close(), lambda job: job.send(True)):
         job = run(request(source, tmp_path / "f.npz"))
-        while not (started := list(tmp_path.glob("nerfnav-*/process"))) or not started[0].read_text():
-            next(job)
-        number = int(started[0].read_text())
+        while not (isinstance(event := next(job), Progress) and event.label.startswith("finding features: 3")):
+            continue
+        assert list(tmp_path.glob("nerfnav-*"))
         with suppress(StoppedError):
             stop(job)
-        with pytest.raises(ProcessLookupError):
-            os.kill(number, 0)
         assert not list(tmp_path.glob("nerfnav-*"))
 
 
