@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,6 +19,9 @@ from nerfnav.importers.core.kinds import identify_data, read_head
 
 _WHOLE = 0.9
 """Share of the declared length of which a whole video has more: containers tell it roughly."""
+
+_SILENT = 0
+"""OpenCV's level of logging at which it says nothing."""
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 # read once, before the first video: else the decoder writes complaints of its own beside the one sentence of a reader
@@ -90,8 +94,8 @@ def _is_trimmed(path: Path) -> bool:
 
 def _open(path: Path) -> cv2.VideoCapture:
     """Open a video and grab its first frame. Raises InvalidInputError where there is none."""
-    log = cv2.utils.logging
-    before = log.setLogLevel(log.LOG_LEVEL_SILENT)
+    log: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV 4 has it at the top
+    before = log.setLogLevel(_SILENT)
     try:
         reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)  # other readers take it for a series of pictures
         if reader.isOpened() and reader.grab():
