@@ -29,6 +29,7 @@ def test_every_name_of_a_face_is_what_its_module_has(stub: Path) -> None:
         assert name in dir(face)
 
 
+@pytest.mark.slow
 def test_planning_imports_no_mesh_library() -> None:
     script = "import sys, nerfnav; nerfnav.plan; print('trimesh' in sys.modules)"
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300)

@@ -87,6 +87,7 @@ def test_kernels_are_compiled_in_another_process_where_that_helps_until_the_app_
     assert [process.returncode for process in started] == [-signal.SIGTERM] * begins
 
 
+@pytest.mark.slow
 def test_where_kernels_cannot_be_kept_compiling_them_ahead_is_refused_in_one_sentence() -> None:
     nowhere = os.environ | {"NUMBA_CACHE_DIR": str(Path(__file__))}  # a file, in which there is no folder
     done = subprocess.run(

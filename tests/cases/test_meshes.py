@@ -61,6 +61,7 @@ def test_textures_and_materials_have_their_colours():
     assert joined("obj-two-mtllib/a.obj").paint.tint[0, 0].tolist() == [0, 255, 0]
 
 
+@pytest.mark.slow
 def test_the_command_trains_what_the_file_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     code, report = train("glb-instancing/a.glb", tmp_path, capsys)
     assert (code, report["source"]["faces"], report["source"]["size_m"]) == (0, 38, [12.0, 12.0, 1.0])

@@ -25,6 +25,7 @@ def trained(source: Path, folder: Path, capture: Capture) -> dict[str, Any]:
     return json.loads(capture.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "expected"),
     [

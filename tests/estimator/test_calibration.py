@@ -24,6 +24,7 @@ NOISE = StateNoise()
 PRIOR = np.diag(np.repeat([0.02**2, 0.02**2], 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 9.0])
 @pytest.mark.parametrize("floor", [0.0, 0.004])
 def test_floor_and_ratio_are_found(ratio: float, floor: float) -> None:

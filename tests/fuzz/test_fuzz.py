@@ -39,6 +39,7 @@ def report(findings: list[Finding]) -> str:
     return f"{len(findings)} findings, repeat them with NERFNAV_FUZZ_SEED={SEED}\n{listed}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged_inputs_end_in_one_sentence(kind: str, forks: Forks) -> None:
     findings = forks.run(kind, SEED, share_of(kind, USUAL))

@@ -267,6 +267,7 @@ def computed() -> dict[str, dict[str, Any]]:
     return runs.computed()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", runs.plan_requests())
 def test_a_plan_is_made_again_step_by_step(name: str, computed: dict[str, dict[str, Any]]) -> None:
     same = runs.arithmetic() == stored.read("arithmetic.json")
@@ -274,6 +275,7 @@ def test_a_plan_is_made_again_step_by_step(name: str, computed: dict[str, dict[s
     assert not found, "\n".join(found[:20])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", runs.flight_requests())
 def test_a_flight_is_flown_again_step_by_step(name: str, computed: dict[str, dict[str, Any]]) -> None:
     same = runs.arithmetic() == stored.read("arithmetic.json")
@@ -384,6 +386,7 @@ def test_each_flag_that_a_subcommand_had_and_each_example_of_a_value_still_chang
             assert p.told_of(p.parse([*usual, option, *told.get("example", [])])[1]) != before, option
 
 
+@pytest.mark.slow
 def test_each_choice_of_an_option_is_taken() -> None:
     for title, golden in stored.read("cli_options.json").items():
         for option, told in golden.items():
@@ -399,6 +402,7 @@ def test_what_is_chosen_by_name_is_called_as_it_was() -> None:
     equal(stored.read("registered.json"), contracts.registered())
 
 
+@pytest.mark.slow
 def test_commands_print_the_names_that_they_printed(tmp_path: Path) -> None:
     golden = stored.read("json_keys.json")
     commands = contracts.commands_with_json(stored.FIELDS, tmp_path)

@@ -92,6 +92,7 @@ def test_a_flight_with_too_little_to_see_is_refused_on_the_ground_with_the_share
     assert len(fly(blindly)) > 1
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_for_want_of_something_to_see_was_warned_of_and_says_so() -> None:
     steps = fly(replace(CONFIG, in_sight=0.0), BACKWARD)
     told = Episode.of(steps).metrics()

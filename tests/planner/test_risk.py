@@ -277,6 +277,7 @@ def test_a_plan_that_counts_risk_leaves_the_ground_early():
     assert (high[3:8] > low[3:8] + 0.03).all()
 
 
+@pytest.mark.slow
 def test_a_plan_that_counts_risk_goes_through_a_strait_all_the_same_and_in_fewer_steps():
     shares = []
     for door in (0.3, 0.302, 0.31):
@@ -326,6 +327,7 @@ def near_ground(height: float) -> PlanProblem:
     return PlanProblem(Lawn(BOX), ROBOT, start, goal, 6, DT)
 
 
+@pytest.mark.slow
 def test_a_robot_in_noise_comes_down_to_a_goal_at_which_noise_may_push_it_into_the_ground() -> None:
     problem, noise, draws = near_ground(0.16), StateNoise(), torch.Generator().manual_seed(0)
     chances = CollisionMap.of(problem.field, ROBOT, problem.risk_context)

@@ -30,6 +30,7 @@ def _outside(body: Body) -> np.ndarray:
     return -trimesh.proximity.signed_distance(body.solid, body.points_body.double().numpy())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_no_obstacle_of_a_voxel_passes_between_the_points_of_a_thin_part(shape: str):
     body = thin_body(shape)
@@ -37,6 +38,7 @@ def test_no_obstacle_of_a_voxel_passes_between_the_points_of_a_thin_part(shape: 
     assert gaps.max() < (1.3 * VOXEL if shape == "spheres" else VOXEL) and len(body.points_body) < 1.1 * MANY
 
 
+@pytest.mark.slow
 def test_the_points_of_a_thin_body_are_in_it_and_reach_its_ends():
     for shape in ("spheres", "pole", "cross"):
         body = thin_body(shape)

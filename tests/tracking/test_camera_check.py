@@ -43,6 +43,7 @@ def test_one_picture_tells_less_than_four() -> None:
         fit_focal_length(field(), CAMERA, [], NOISE)
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_not_found_as_given_is_found_with_another_focal_length() -> None:
     tracker = Tracker(field(), CAMERA.magnified(1.35), config=TrackerConfig(filter=replace(
         TrackerConfig().filter, color_noise=NOISE)))  # fmt: skip

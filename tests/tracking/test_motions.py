@@ -44,6 +44,7 @@ def test_quick_turns_are_followed_at_five_pictures_in_a_second_and_the_biases_le
     assert not all(well_tracked(by_hand.observe(frame), QUICK) for frame in frames[:8])
 
 
+@pytest.mark.slow
 def test_its_covariance_holds_its_errors() -> None:
     shaken = Shaken()
     one = led(shaken, 1.2)

@@ -42,6 +42,7 @@ def well_tracked(tracked: TrackedFrame) -> bool:
     return tracked.status.updated and moved < 0.01 and turned < 0.01
 
 
+@pytest.mark.slow
 def test_a_camera_is_found_from_nothing_and_followed() -> None:
     one = tracker()
     track = [one.observe(frame) for frame in walk(every(8))]
@@ -50,11 +51,13 @@ def test_a_camera_is_found_from_nothing_and_followed() -> None:
     assert [tracked.time for tracked in track] == every(8)
 
 
+@pytest.mark.slow
 def test_frames_may_come_at_any_times() -> None:
     one = tracker()
     assert all(well_tracked(one.observe(frame)) for frame in walk([0.0, 0.07, 0.1, 0.5, 0.53, 1.1]))
 
 
+@pytest.mark.slow
 def test_its_covariance_holds_its_errors() -> None:
     one = tracker()
     track = [one.observe(frame) for frame in walk(every(10))][1:]
@@ -66,6 +69,7 @@ def test_its_covariance_holds_its_errors() -> None:
         assert error @ torch.linalg.solve(tracked.covariance, error) < 30  # chi-squared of 6: 1 in 25,000
 
 
+@pytest.mark.slow
 def test_pictures_of_another_resolution_of_the_camera_are_tracked() -> None:
     one, small = tracker(), CAMERA.scaled(0.5)
     frames = [*walk([0.0, 0.07]), *walk([0.2, 0.25], small), *walk([0.3], CAMERA.scaled(2))]
@@ -82,6 +86,7 @@ def test_black_frames_lose_the_track_and_a_picture_finds_it_again() -> None:
     assert again.status is TrackStatus.FOUND_AGAIN and errors(again)[0] < 0.02
 
 
+@pytest.mark.slow
 def test_a_jump_is_never_followed_elsewhere_and_the_camera_soon_where_it_is() -> None:
     one = tracker()
     for frame in walk(every(4)):
@@ -95,6 +100,7 @@ def test_a_jump_is_never_followed_elsewhere_and_the_camera_soon_where_it_is() ->
         assert (told.position - there.position).norm() < 0.02
 
 
+@pytest.mark.slow
 def test_a_picture_that_was_not_taken_around_tells_no_pose_and_the_next_one_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -109,6 +115,7 @@ def test_a_picture_that_was_not_taken_around_tells_no_pose_and_the_next_one_goes
     assert all(map(well_tracked, track))
 
 
+@pytest.mark.slow
 def test_a_pose_that_shows_most_of_a_picture_is_believed_where_no_other_place_fits_better() -> None:
     one, frames = tracker(), walk(every(10))
     for frame in frames[:4]:
@@ -121,6 +128,7 @@ def test_a_pose_that_shows_most_of_a_picture_is_believed_where_no_other_place_fi
     assert max(errors(tracked)[0] for tracked in track) < 0.03
 
 
+@pytest.mark.slow
 def test_an_excursion_of_15_cm_is_noticed() -> None:
     one, frames = tracker(), walk(every(10))
     for frame in frames[:5]:
@@ -159,6 +167,7 @@ def test_a_place_of_any_size_is_tracked_alike(scale: float) -> None:
         assert (tracked.pose.position / scale - pose(frame.time).position).norm() < 0.01
 
 
+@pytest.mark.slow
 def test_what_does_not_average_out_stays_in_the_covariance() -> None:
     floor = torch.diag(torch.tensor([0.03**2, 0.02**2, 0.01**2, 1e-4, 1e-4, 1e-4], dtype=torch.float64))
     one = tracker(config=replace(CONFIG, floor=tuple(floor.flatten().tolist())))

@@ -36,6 +36,7 @@ def test_known_files_of_a_folder_are_timed_after_the_house(monkeypatch: pytest.M
     assert list(rows) == ["house.glb", "warehouse.glb", "fox"]
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_timed_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "words.glb").write_text("words")
     for words in ([str(tmp_path / "missing.glb")], [str(tmp_path)], ["--color-s", "0"]):

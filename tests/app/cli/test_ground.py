@@ -43,6 +43,7 @@ def summary_of(words: list[str], capture: Capture) -> tuple[dict[str, Any], str]
     return json.loads(out.splitlines()[-1]), err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["plan", "fly"])
 def test_ends_in_the_air_are_put_on_the_floor_which_is_told(
     file: str, command: str, capsys: Capture, tmp_path: Path

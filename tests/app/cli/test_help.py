@@ -80,6 +80,7 @@ def test_an_old_option_works_and_is_warned_of_on_stderr(field_file: Path, capsys
     assert err.splitlines()[0] == told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["fly", "--help-all"], ["--help"]], ids=" ".join)
 def test_a_reader_that_has_enough_ends_help_silently(words: list[str]) -> None:
     read, write = os.pipe()

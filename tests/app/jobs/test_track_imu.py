@@ -51,6 +51,7 @@ def recording(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_quick_turns_are_followed_by_what_the_unit_says(
     place: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -158,6 +158,7 @@ def minimum_in(field: VoxelField, place: VoxelField) -> tuple[UpdateProblem, Min
     return problem, minimum
 
 
+@pytest.mark.slow
 def test_information_is_measured_by_secants_only_where_slopes_overstate_it():
     problem, minimum = minimum_in(voxel_balls(), voxel_balls())
     assert measure_information(problem, minimum).information is None
@@ -170,6 +171,7 @@ def test_information_is_measured_by_secants_only_where_slopes_overstate_it():
     assert torch.linalg.eigvalsh(measured).min() > 0
 
 
+@pytest.mark.slow
 def test_an_aligned_picture_tells_less_where_slopes_overstate_it():
     without = SecantConfig(overstated=float("inf"))
     config = FilterConfig(color_noise=ColorNoise(std=0.02, per_patch=20.0, few_patches=1.0))

@@ -57,6 +57,7 @@ def test_progress_counts_up_to_the_end(trained: tuple[list[TrainStep], VoxelFiel
     assert all(step.rays_per_s > 0 for step in steps)
 
 
+@pytest.mark.slow
 def test_pictures_of_a_training_sharpen_and_change_nothing_in_it():
     brief = replace(CONFIG, iterations=120, rays=512, report_every=20)
     (_, alone), (steps, field) = run(brief), run(replace(brief, picture_every=1e-9))

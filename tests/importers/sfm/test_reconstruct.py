@@ -14,7 +14,7 @@ from nerfnav.importers.sfm.first_pair import guess_focal, rate_first_pairs
 from nerfnav.importers.sfm.incremental import Reconstruction, reconstruct
 from nerfnav.importers.sfm.model import Model, Observations, SharedLens
 
-SIZE = (640, 480)
+SIZE, POINTS = (640, 480), 500
 LENS = SharedLens(520.0, (320.0, 240.0), 0.08, -0.03)
 
 
@@ -38,12 +38,12 @@ def looking(centers: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def film(centers: np.ndarray, targets: np.ndarray, wrong: float = 0.0, noise: float = 0.3, seed: int = 0) -> Filmed:
-    """Film 1,500 points around the origin; a share of the matches is wrong."""
+    """Film points around the origin; a share of the matches is wrong."""
     rng = np.random.default_rng(seed)
-    truth = Model(*looking(centers, targets), rng.uniform(-1.5, 1.5, (1500, 3)), LENS)
+    truth = Model(*looking(centers, targets), rng.uniform(-1.5, 1.5, (POINTS, 3)), LENS)
     features, shows = [], []
     for frame in range(len(centers)):
-        pixels, depth = truth.project(np.full(1500, frame), np.arange(1500))
+        pixels, depth = truth.project(np.full(POINTS, frame), np.arange(POINTS))
         points = np.flatnonzero((depth > 0.3) & (pixels > 0).all(1) & (pixels < SIZE).all(1))
         features.append(Features(pixels[points] + rng.normal(0, noise, (len(points), 2)), np.zeros((len(points), 128))))
         shows.append(points)
@@ -78,7 +78,7 @@ def furthest(made: Reconstruction, truth: Model) -> float:
 
 @pytest.mark.parametrize("wrong", [0.0, 0.01])
 def test_frames_around_a_thing_are_posed_and_their_lens_is_found(wrong: float) -> None:
-    filmed = film(*orbit(24, 2.5), wrong=wrong)
+    filmed = film(*orbit(16, 1.8), wrong=wrong)
     made = posed(filmed)
     assert made.posed.all()
     assert furthest(made, filmed.truth) < 0.005
@@ -119,7 +119,7 @@ def test_frames_that_show_something_else_have_no_pose() -> None:
 
 @pytest.mark.parametrize("focal", [320.0, 560.0, 1000.0])
 def test_the_focal_length_is_guessed_from_pairs(focal: float) -> None:
-    filmed = film(*orbit(24, 2.5))
+    filmed = film(*orbit(16, 1.8))
     middle, scale = np.array(SIZE) / 2, focal / LENS.focal
     scaled = [Features(middle + scale * (each.pixels - middle), each.descriptors) for each in filmed.features]
     assert guess_focal(filmed.matches, scaled, SIZE) == pytest.approx(focal, rel=0.35)
@@ -152,7 +152,7 @@ def _true_points(filmed: Filmed, seen: Observations) -> np.ndarray:
     true = np.zeros(seen.point[-1] + 1, int)
     for point in range(len(true)):
         first = int(np.searchsorted(seen.point, point))
-        pixels, depth = filmed.truth.project(np.full(1500, seen.frame[first]), np.arange(1500))
+        pixels, depth = filmed.truth.project(np.full(POINTS, seen.frame[first]), np.arange(POINTS))
         off = np.where(depth > 0, np.linalg.norm(pixels - seen.pixels[first], axis=1), np.inf)
         true[point] = off.argmin()
     return true
@@ -169,7 +169,7 @@ def test_features_match_where_one_motion_explains_them() -> None:
     rng = np.random.default_rng(0)
     filmed = film(*orbit(2, 0.2), noise=0.2)
     first, second = filmed.features
-    descriptors = rng.random((1500, 128)).astype(np.float32)
+    descriptors = rng.random((POINTS, 128)).astype(np.float32)
     descriptors /= np.linalg.norm(descriptors, axis=1, keepdims=True)
     own = filmed.matches[0].pairs
     tagged = [Features(each.pixels[own[:, k]], descriptors[: len(own)]) for k, each in enumerate((first, second))]

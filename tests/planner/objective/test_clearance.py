@@ -19,6 +19,7 @@ BAR = 0.002
 """Largest error of a clearance [m]."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_clearance_of_a_thin_body_is_that_of_its_solid(shape: str):
     body = thin_body(shape)
@@ -28,6 +29,7 @@ def test_the_clearance_of_a_thin_body_is_that_of_its_solid(shape: str):
         assert measure_clearance(PLACE.field, standing(poses[index]), body, CONFIG) == pytest.approx(true, abs=BAR)
 
 
+@pytest.mark.slow
 def test_the_clearance_of_a_motion_is_the_least_at_and_between_its_waypoints():
     """One step past a ball, with a turn: both ends are farther from it than what lies between."""
     body, (x, y, z, radius) = thin_body("cross"), PLACE.ball

@@ -18,6 +18,7 @@ from tests.app.doubles import balls_place
 BALL = Obstacle("ball", Sphere(0.1), (-0.6, 0.5, 0.4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["quadrotor", "couch"])
 @pytest.mark.parametrize("place", [(0.1, 0.6, 0.4), (0.95, 0.9, 0.75)])
 def test_what_is_derived_of_a_changed_field_is_as_if_made_anew(

@@ -65,6 +65,7 @@ def test_the_help_of_the_command_names_every_experiment(capsys: pytest.CaptureFi
     assert ",".join(EXPERIMENTS) in "".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["minsnap", "rrt"])
 def test_a_baseline_plans_and_prints_what_other_planners_print(
     planner: str, capsys: pytest.CaptureFixture[str]

@@ -93,6 +93,7 @@ def test_a_mesh_is_seen_before_its_field_is_made(tmp_path: Path, monkeypatch: py
     assert found is not None and load_field(found).info.made_by == "baked"
 
 
+@pytest.mark.slow
 def test_a_baked_field_is_calibrated_and_learns_its_colours_while_nothing_else_runs(
     opened: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -123,6 +124,7 @@ def test_plans_come_before_better_colours(opened: Session) -> None:
     assert list(BetterFieldQuery.pending(opened)) and not list(BetterFieldQuery.pending(planning))
 
 
+@pytest.mark.slow
 def test_each_stage_is_told_once(opened: Session, tmp_path: Path) -> None:
     place = opened.place
     assert place is not None and isinstance(place.field, VoxelField) and place.scene is not None

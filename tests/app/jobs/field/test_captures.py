@@ -170,6 +170,7 @@ def test_an_archive_may_not_name_photographs_of_others(tmp_path: Path) -> None:
         list(run(request(zipped(folder), tmp_path / "f.npz")))
 
 
+@pytest.mark.slow
 def test_an_upload_is_learned_within_its_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for quality in ("draft", USUAL):
         monkeypatch.setitem(BUDGETS_S, quality, 0.5)

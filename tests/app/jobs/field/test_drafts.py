@@ -106,6 +106,7 @@ def opened(source: Path) -> Session:
     raise AssertionError("nothing was opened")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [write_depths, write_transforms])
 def test_a_draft_is_replaced_by_a_trained_field_between_plans(
     write: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

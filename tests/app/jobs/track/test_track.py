@@ -91,6 +91,7 @@ def test_a_video_of_another_size_is_tracked_and_shown(
     assert int(reader.get(cv2.CAP_PROP_FRAME_WIDTH)) == 3 * CAMERA.width * 2
 
 
+@pytest.mark.slow
 def test_the_recording_is_read_by_a_foreign_reader(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,6 +105,7 @@ def test_the_recording_is_read_by_a_foreign_reader(
     assert len(stamped.pose.covariance) == 36 and stamped.pose.covariance[0] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "complaint"), [("gone", "there is no"), ("empty", "no pictures"), ("backwards", "time must go on")]
 )
@@ -121,6 +123,7 @@ def test_what_cannot_be_tracked_is_one_sentence(
     assert complaint in reported and "\n" not in reported
 
 
+@pytest.mark.slow
 def test_pictures_whose_shape_changes_end_the_track_and_what_was_tracked_is_kept(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
