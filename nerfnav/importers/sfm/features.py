@@ -94,13 +94,22 @@ def match_features(first: Features, second: Features, side: float) -> Int[np.nda
     if len(pairs) < _FEWEST:
         return nothing
     ends = first.pixels[pairs[:, 0]], second.pixels[pairs[:, 1]]
-    off, explained = max(1.0, _OFF * side), None
-    with suppress(cv2.error):  # frames that a camera took from one place have no fundamental matrix
-        _, explained = cv2.findFundamentalMat(*ends, cv2.USAC_MAGSAC, off, 0.999, _DRAWS)
-    if explained is None:
-        _, explained = cv2.findHomography(*ends, cv2.USAC_MAGSAC, off, maxIters=_DRAWS)
+    explained = _explained(*ends, max(1.0, _OFF * side))
     pairs = pairs[explained.ravel() > 0] if explained is not None else nothing
     return pairs if len(pairs) >= _FEWEST else nothing
+
+
+def _explained(
+    first: Float[np.ndarray, "m 2"], second: Float[np.ndarray, "m 2"], off: float
+) -> np.ndarray | None:
+    """Mask of the matches that one motion of the camera explains; None where none does."""
+    with suppress(cv2.error):  # frames that a camera took from one place have no fundamental matrix
+        _, explained = cv2.findFundamentalMat(first, second, cv2.USAC_MAGSAC, off, 0.999, _DRAWS)
+        if explained is not None:
+            return explained
+    with suppress(cv2.error):
+        return cv2.findHomography(first, second, cv2.USAC_MAGSAC, off, maxIters=_DRAWS)[1]
+    return None
 
 
 def join_tracks(features: Sequence[Features], matches: Sequence[Matches]) -> Observations:

@@ -76,6 +76,8 @@ def reconstruct(
     width, height = size
     lens = SharedLens(guess_focal(matches, features, size), (width / 2, height / 2))
     best, starts, tried = None, 0, np.zeros(len(features), bool)
+    if not len(seen.frame):
+        return None
     for pair in rate_first_pairs(matches, features, lens):
         if starts == _STARTS or tried.sum() > _MOST * len(features):
             break
@@ -135,14 +137,17 @@ def _pose(made: Reconstruction, index: int) -> bool:
     seen, lens = made.seen, made.model.lens
     shown = seen.only((seen.frame == index) & made.known[seen.point])
     points, rays = made.model.points[shown.point], lens.rays(shown.pixels)
-    found, turn, place, agree = cv2.solvePnPRansac(
-        points, rays, np.eye(3), None, iterationsCount=_DRAWS, reprojectionError=2 * made.off / lens.focal,
-        confidence=0.9999, flags=cv2.SOLVEPNP_AP3P,
-    )  # fmt: skip
-    if not found or agree is None or len(agree) < max(_LEAST_POINTS, _LEAST_SHARE * len(points)):
+    try:
+        found, turn, place, agree = cv2.solvePnPRansac(
+            points, rays, np.eye(3), None, iterationsCount=_DRAWS, reprojectionError=2 * made.off / lens.focal,
+            confidence=0.9999, flags=cv2.SOLVEPNP_AP3P,
+        )  # fmt: skip
+        if not found or agree is None or len(agree) < max(_LEAST_POINTS, _LEAST_SHARE * len(points)):
+            return False
+        which = agree.ravel().astype(int)
+        turn, place = cv2.solvePnPRefineLM(points[which], rays[which], np.eye(3), None, turn, place)
+    except cv2.error:  # points that lie on a line have no pose
         return False
-    which = agree.ravel().astype(int)
-    turn, place = cv2.solvePnPRefineLM(points[which], rays[which], np.eye(3), None, turn, place)
     made.model.rotations[index], made.model.translations[index] = cv2.Rodrigues(turn)[0], place[:, 0]
     made.posed[index] = True
     return True

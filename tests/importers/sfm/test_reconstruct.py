@@ -1,6 +1,6 @@
 """Structure from motion from matches alone: poses, points and lens that nobody gave."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -163,6 +163,15 @@ def test_a_frame_that_shows_two_features_of_a_track_does_not_count_in_it() -> No
     joined = [Matches(0, 1, np.array([[0, 0], [1, 1]])), Matches(1, 2, np.array([[0, 0], [1, 1]]))]
     seen = join_tracks(features, [*joined, Matches(0, 2, np.array([[2, 0]]))])
     assert seen.frame.tolist() == [1, 2, 0, 1, 2] and seen.point.tolist() == [0, 0, 1, 1, 1]
+
+
+def test_matches_that_contradict_each_other_make_no_track_and_no_model() -> None:
+    filmed = film(*orbit(6, 1.0))
+    wrong = [replace(each, pairs=each.pairs * [1, 0]) for each in filmed.matches]
+    for matches in ([], wrong):
+        seen = join_tracks(filmed.features, matches)
+        assert len(seen.frame) == len(seen.point) == len(seen.pixels) == 0
+        assert run_steps(reconstruct(seen, matches, filmed.features, SIZE)) is None
 
 
 def test_features_match_where_one_motion_explains_them() -> None:
