@@ -20,7 +20,7 @@ from nerfnav.estimator.gauss_newton.posterior import (
     information_at,
     information_ratio,
 )
-from nerfnav.estimator.photometric.levenberg_marquardt import Guess, NewtonConfig, improve
+from nerfnav.estimator.photometric.levenberg_marquardt import EXPOSURE, Guess, NewtonConfig, improve
 from nerfnav.estimator.photometric.pixel_selection import PixelChoice, PixelSource, draw_by_gradient
 from nerfnav.estimator.photometric.residuals import Observation
 from nerfnav.estimator.photometric.secant import invert, measure_secants, settle_information
@@ -47,28 +47,49 @@ def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     if found is None:
         return minimum
     if rounds > 0:
-        found = _settle(problem, minimum, found, rounds)
+        by, over = _Compared.of(problem, minimum), invert(found + problem.pose_information.double())
+        found = settle_information(by.seen, by.guess, over, by.prior, by.noise_std, by.alike, by.robust, rounds)
     return replace(minimum, information=found.to(problem.pose_information))
 
 
 def _measure_overstated(problem: UpdateProblem, minimum: Minimum) -> Float[Tensor, "6 6"] | None:
-    """Measure the information of a minimum's picture in one round; None where that of its slopes holds."""
+    """Measure the information of a minimum's picture in one round; None where that of its slopes holds.
+
+    Half of the pixels find more often than all that slopes overstate: all decide only where half do.
+    """
     config, slopes = problem.config.pyramid.secant, information_at(problem, minimum).double()
-    known, found = problem.pose_information.double(), _settle(problem, minimum, slopes / config.widened**2, 1)
-    wider = float(torch.exp((torch.logdet(slopes + known) - torch.logdet(found + known)) / len(POSE)))
-    return found if wider > config.overstated else None
+    known, compared = problem.pose_information.double(), _Compared.of(problem, minimum)
+    over, secants, found = invert(slopes / config.widened**2 + known), None, None
+    for first in range(2):
+        half = replace(compared.seen, pixels=compared.seen.pixels[first::2], colors=compared.seen.colors[first::2])
+        measured = measure_secants(half, compared.guess, over, compared.noise_std, compared.robust)
+        secants = measured if secants is None else secants + measured
+        alike = compared.alike * secants.pixels / len(compared.seen.pixels)
+        found = secants.pose_information(alike, compared.prior[EXPOSURE, EXPOSURE])
+        wider = float(torch.exp((torch.logdet(slopes + known) - torch.logdet(found + known)) / len(POSE)))
+        if wider <= config.overstated:
+            return None
+    return found
 
 
-def _settle(
-    problem: UpdateProblem, minimum: Minimum, start: Float[Tensor, "6 6"], rounds: int
-) -> Float[Tensor, "6 6"]:
-    """Measure the information of a minimum's picture over the covariance that a first information leaves."""
-    selection = minimum.selection.observation
-    seen, compared = _thin(selection, problem.config.pyramid.secant.checked), len(selection.pixels)
-    alike = problem.correlated(compared) * len(seen.pixels) / compared * information_ratio(problem, minimum)
-    robust, over = problem.config.pyramid.robust[-1], invert(start + problem.pose_information.double())
-    prior, noise_std = problem.prior(compared).information, problem.config.color_noise.std
-    return settle_information(seen, minimum.iterate.guess, over, prior, noise_std, alike, robust, rounds)
+@dataclass(frozen=True)
+class _Compared:
+    """What the information of a minimum's picture is measured by (photometric/secant.py)."""
+
+    seen: Observation
+    guess: Guess
+    prior: Float[Tensor, "8 8"]
+    noise_std: float
+    alike: float
+    robust: float
+
+    @classmethod
+    def of(cls, problem: UpdateProblem, minimum: Minimum) -> "_Compared":
+        selection = minimum.selection.observation
+        seen, count = _thin(selection, problem.config.pyramid.secant.checked), len(selection.pixels)
+        alike = problem.correlated(count) * len(seen.pixels) / count * information_ratio(problem, minimum)
+        prior, noise_std = problem.prior(count).information, problem.config.color_noise.std
+        return cls(seen, minimum.iterate.guess, prior, noise_std, alike, problem.config.pyramid.robust[-1])
 
 
 def descend_secant(problem: UpdateProblem, before: Minimum) -> tuple[Minimum, Minimum | None]:

@@ -42,6 +42,14 @@ class Secants:
     """J'Wr, with r the mean colour less the picture's."""
     misfit: float
     """Mean of w r^2."""
+    pixels: int
+    """Pixels whose colours these are."""
+
+    def __add__(self, other: "Secants") -> "Secants":
+        """Return the sums over the colours of both, which are over the same covariance."""
+        pixels = self.pixels + other.pixels
+        misfit = (self.pixels * self.misfit + other.pixels * other.misfit) / pixels
+        return Secants(self.root, self.information + other.information, self.push + other.push, misfit, pixels)
 
     def pose_information(self, alike: float, exposure: Float[Tensor, "2 2"]) -> Float[Tensor, "6 6"]:
         """Return the information on the pose [1/m^2, 1/rad^2] where so many colours err `alike`.
@@ -68,7 +76,7 @@ def measure_secants(
     information, push, (gain, bias) = np.empty((8, 8)), np.empty(8), guess.exposure[0].tolist()
     colors, bounds = np.ascontiguousarray(seen.colors.numpy()), (_AWAY, noise_std**2, robust)
     misfit = sum_secants(shown(seen, poses), colors, (gain, bias), bounds, information, push)
-    return Secants(root, torch.from_numpy(information), torch.from_numpy(push), misfit)
+    return Secants(root, torch.from_numpy(information), torch.from_numpy(push), misfit, len(colors))
 
 
 def settle_information(
