@@ -213,6 +213,17 @@ def test_a_video_that_cannot_be_posed_is_one_sentence_each_time(
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(("size", "sentence"), [((240, 320), "0% of its frames overlap"), ((16, 16), "0 features")])
+def test_frames_of_noise_have_no_poses(
+    size: tuple[int, int], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    rng = np.random.default_rng(0)
+    video = write_video(tmp_path / "noise.avi", [rng.integers(0, 255, (*size, 3), dtype=np.uint8) for _ in range(12)])
+    with pytest.raises(CaptureError, match=f"poses were found for 0 of 12 frames of .*: .*{sentence}"):
+        list(make_capture_of_video(video, tmp_path / "capture"))
+
+
 @pytest.mark.parametrize(
     ("features", "agreeing", "brightness", "remedy"),
     [
