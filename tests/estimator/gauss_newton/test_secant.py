@@ -100,6 +100,17 @@ def told_over(root: Tensor, alike: float = 1.0) -> Tensor:
     return secants.pose_information(alike, exposure).float()
 
 
+def test_sums_over_parts_of_a_picture_add_up_to_those_over_all() -> None:
+    seen, guess = all_pixels(), Guess.at(HERE.pose[None])
+    parts = [replace(seen, pixels=seen.pixels[some], colors=seen.colors[some]) for some in (slice(50), slice(50, None))]
+    first, second, whole = (measure_secants(part, guess, SMALL, COLOR_STD, 0.05) for part in (*parts, seen))
+    both = first + second
+    assert first.pixels == 50 and both.pixels == whole.pixels == len(seen.pixels)
+    torch.testing.assert_close(both.information, whole.information)
+    torch.testing.assert_close(both.push, whole.push)
+    assert both.misfit == pytest.approx(whole.misfit) and first.misfit != pytest.approx(second.misfit)
+
+
 def test_the_compiled_sums_are_those_of_the_equations() -> None:
     shown = torch.rand(12, 40, 3, generator=draws(0))
     colors, (gain, bias), noise, robust = torch.rand(40, 3, generator=draws(1)), (0.1, -0.05), 0.02, 0.3
