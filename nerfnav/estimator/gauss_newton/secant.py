@@ -74,7 +74,7 @@ def _measure_overstated(problem: UpdateProblem, minimum: Minimum) -> Float[Tenso
 
 @dataclass(frozen=True)
 class _Compared:
-    """What the information of a minimum's picture is measured by (photometric/secant.py)."""
+    """Pixels of a minimum's picture that are compared, with their noise and prior (photometric/secant.py)."""
 
     seen: Observation
     guess: Guess

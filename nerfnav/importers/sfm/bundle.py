@@ -76,7 +76,7 @@ class _Linear:
 
 @dataclass(frozen=True)
 class _Bundle:
-    """What is adjusted."""
+    """Frames, points and lens terms that are adjusted."""
 
     seen: Observations
     free: Bool[np.ndarray, " n"]

@@ -76,9 +76,7 @@ def reconstruct(
     width, height = size
     lens = SharedLens(guess_focal(matches, features, size), (width / 2, height / 2))
     best, starts, tried = None, 0, np.zeros(len(features), bool)
-    if not len(seen.frame):
-        return None
-    for pair in rate_first_pairs(matches, features, lens):
+    for pair in rate_first_pairs(matches, features, lens) if len(seen.frame) else ():
         if starts == _STARTS or tried.sum() > _MOST * len(features):
             break
         if tried[pair.first] and tried[pair.second]:
@@ -87,7 +85,7 @@ def reconstruct(
         yield from _grow(made)
         best = made if best is None or made.posed.sum() > best.posed.sum() else best
         starts, tried = starts + 1, tried | made.posed
-    return best
+    return best if best is not None and best.posed.any() else None
 
 
 def _begin(seen: Observations, pair: FirstPair, lens: SharedLens, frames: int, off: float) -> Reconstruction:
@@ -187,6 +185,9 @@ def _adjust(made: Reconstruction, free: Bool[np.ndarray, " n"], rounds: int = _R
     seen, counts, every = made.seen, made.counts, bool(free[made.posed].all())
     if not every:
         counts &= _shown(made, counts & free[seen.frame])[seen.point]
+    if not counts.any():
+        made.posed &= ~free
+        return
     count = int(made.posed.sum())
     terms = 0 if not every or count < _FOCAL_FROM else 1 if count < _DISTORTION_FROM else 3
     made.model = adjust(made.model, seen.only(counts), free, terms, rounds)

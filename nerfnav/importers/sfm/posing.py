@@ -9,11 +9,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
+import torch
 
 from nerfnav.core import cache
 from nerfnav.core.steps import map_steps
 from nerfnav.formats import ColmapCamera, ColmapImage, ColmapPoint, write_colmap
+from nerfnav.geometry import so3
 from nerfnav.importers.core.progress import ImportStep, SparseModel
 from nerfnav.importers.sfm.features import pair_frames
 from nerfnav.importers.sfm.incremental import Reconstruction
@@ -79,7 +80,7 @@ def estimate_poses(folder: Path, threads: int, begin: float = 0.0) -> Generator[
     key = "\n".join([cv2.__version__, *(path.name for path in pictures)]).encode()
     key += cache.hash_code(Path(__file__).parent, *pictures)
     if (kept := cache.load(_KIND, key)) is None:
-        progress = _Progress(len(pictures), begin)
+        progress = _Progress(len(pictures), len(list(pair_frames(len(pictures)))), begin)
         posed = yield from map_steps(pose_pictures(pictures, threads), progress.step)
         if posed.made is not None:
             _write(posed.made, posed.size, [path.name for path in pictures], folder / "sparse" / "0")
@@ -92,9 +93,10 @@ def estimate_poses(folder: Path, threads: int, begin: float = 0.0) -> Generator[
 
 @dataclass
 class _Progress:
-    """Progress of posing so many pictures, for the user."""
+    """Progress of posing so many pictures, of which so many pairs are matched, for the user."""
 
     pictures: int
+    pairs: int
     begin: float
     most: int = 0
     """Pictures that had a pose, at most: a model that is given up gives way to a smaller one."""
@@ -102,7 +104,7 @@ class _Progress:
     def step(self, report: StageReport) -> ImportStep:
         done, of = report.done, self.pictures
         if report.stage is Stage.MATCHES:
-            of = len(list(pair_frames(self.pictures)))
+            of = self.pairs
         elif report.stage is Stage.POSES:
             done = self.most = max(done, self.most)
         first, last = _BEGINS[report.stage], _ENDS[report.stage]
@@ -114,11 +116,12 @@ def _write(made: Reconstruction, size: tuple[int, int], names: Sequence[str], fo
     """Write a model as COLMAP's files."""
     lens, seen = made.model.lens, made.seen.only(made.counts)
     camera = ColmapCamera(1, "RADIAL", size, (lens.focal, *lens.center, lens.k1, lens.k2), str(folder))
-    images = []
-    for index in np.flatnonzero(made.posed).tolist():
-        x, y, z, w = Rotation.from_matrix(made.model.rotations[index]).as_quat().tolist()
-        place = tuple(made.model.translations[index].tolist())
-        images.append(ColmapImage(index + 1, names[index], 1, (w, x, y, z), place))
+    turns = so3.quaternion_from_matrix(torch.from_numpy(made.model.rotations)).tolist()
+    places = made.model.translations.tolist()
+    images = [
+        ColmapImage(index + 1, names[index], 1, tuple(turns[index]), tuple(places[index]))
+        for index in np.flatnonzero(made.posed).tolist()
+    ]
     pixels, _ = made.model.project(seen.frame, seen.point)
     off, points = np.linalg.norm(pixels - seen.pixels, axis=1), []
     ends = np.flatnonzero(np.diff(seen.point, append=-1)) + 1

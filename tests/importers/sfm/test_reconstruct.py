@@ -8,6 +8,7 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from nerfnav.core.steps import run_steps
+from nerfnav.importers.sfm import incremental
 from nerfnav.importers.sfm.bundle import adjust
 from nerfnav.importers.sfm.features import Features, Matches, join_tracks, match_features, pair_frames
 from nerfnav.importers.sfm.first_pair import guess_focal, rate_first_pairs
@@ -172,6 +173,13 @@ def test_matches_that_contradict_each_other_make_no_track_and_no_model() -> None
         seen = join_tracks(filmed.features, matches)
         assert len(seen.frame) == len(seen.point) == len(seen.pixels) == 0
         assert run_steps(reconstruct(seen, matches, filmed.features, SIZE)) is None
+
+
+def test_frames_that_all_lose_their_poses_are_no_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    filmed = film(*orbit(6, 1.0))
+    seen = join_tracks(filmed.features, filmed.matches)
+    monkeypatch.setattr(incremental, "_LEAST_POINTS", 10 * POINTS)
+    assert run_steps(reconstruct(seen, filmed.matches, filmed.features, SIZE)) is None
 
 
 def test_features_match_where_one_motion_explains_them() -> None:
