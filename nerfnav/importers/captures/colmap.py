@@ -14,6 +14,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.formats import LARGEST, PICTURE_FOLDERS, ColmapCamera, ColmapImage, ColmapModel, NamedFiles
 from nerfnav.geometry import so3
 from nerfnav.importers.captures.views import CaptureError, Lens, Tracks, View, Views
+from nerfnav.importers.core.placement import OPENGL
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse", "distorted/sparse", ".")
 """Folders of a capture in which models lie, or in whose numbered folders they do."""
@@ -25,7 +26,6 @@ _WRONG = 2.0
 """Mean distance of a point from its features above which it is none [pixels]."""
 _MOVED = 1e-3
 """Largest difference between camera positions and those of the model, in extents of the positions."""
-_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def _pose(image: ColmapImage) -> np.ndarray:
     R_camera_world = so3.matrix_from_quaternion(torch.tensor(image.quaternion, dtype=torch.float64)).numpy()
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = R_camera_world.T, -R_camera_world.T @ image.translation
-    return pose @ _OPENGL
+    return pose @ OPENGL
 
 
 def _lens(camera: ColmapCamera) -> Lens:

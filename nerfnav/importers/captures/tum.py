@@ -17,6 +17,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.formats import LARGEST, NamedFiles, parse_number, parse_stamp, read_camera, read_rows
 from nerfnav.geometry import so3
 from nerfnav.importers.captures.views import CaptureError, DepthFile, Lens, View, Views
+from nerfnav.importers.core.placement import OPENGL
 
 _LISTS = ("rgb.txt", "groundtruth.txt")
 _CALIBRATIONS = ("calibration", "camera", "sensor", "camera_info")
@@ -28,7 +29,6 @@ _APART = 0.02
 """Longest time between a picture and its pose or depth [s], as the benchmark matches them."""
 _MOST = 300
 """Pictures that are used: more of the same walk tell little more and take time."""
-_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def find_tum(folder: Path) -> Path | None:
@@ -81,7 +81,7 @@ def _read_poses(path: Path) -> tuple[list[float], list[np.ndarray]]:
         pose = np.eye(4)
         quaternion = torch.tensor([qw, qx, qy, qz], dtype=torch.float64)
         pose[:3, :3], pose[:3, 3] = so3.matrix_from_quaternion(quaternion).numpy(), position
-        poses.append(pose @ _OPENGL)
+        poses.append(pose @ OPENGL)
     return times, poses
 
 

@@ -17,6 +17,8 @@ Corners = tuple[Vector, Vector]
 """Lowest and highest corner of a box [m]."""
 AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 """Directions that have a name."""
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Turn of a camera from OpenCV's axes (y down, looking along z) to OpenGL's, on the right of T_world_camera."""
 PLAUSIBLE = (0.5, 120.0)
 """Plausible range of the longest edge of a place for small robots [m]."""
 FLATTER = 1.25

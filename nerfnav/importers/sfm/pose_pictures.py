@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from nerfnav.core.steps import map_steps
+from nerfnav.importers.core.placement import OPENGL
 from nerfnav.importers.core.progress import SparseModel
 from nerfnav.importers.sfm.features import Features, Matches, find_features, join_tracks, match_features, pair_frames
 from nerfnav.importers.sfm.incremental import Reconstruction, reconstruct
@@ -25,7 +26,6 @@ _SHOWN_EVERY_S, _FEW = 1.5, 5
 """Time between two models that are shown, and fewest frames of one: with fewer, up is not known."""
 _AGREEING = 30
 """Matches of two frames that show the same."""
-_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 class Stage(Enum):
@@ -113,4 +113,4 @@ def sparse_model(made: Reconstruction) -> SparseModel:
     poses = np.tile(np.eye(4), (len(made.posed), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = made.model.rotations.mT, made.model.centers
     shown = np.bincount(made.seen.point, made.counts, minlength=len(made.known)) >= _TRACK
-    return SparseModel(poses[made.posed] @ _OPENGL, made.model.points[shown])
+    return SparseModel(poses[made.posed] @ OPENGL, made.model.points[shown])
