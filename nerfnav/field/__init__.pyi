@@ -9,6 +9,7 @@ from .core.protocol import Field as Field
 from .core.protocol import RaySamples as RaySamples
 from .core.protocol import density_and_gradient as density_and_gradient
 from .core.protocol import density_at as density_at
+from .core.protocol import density_in_box as density_in_box
 from .core.protocol import uniform_samples as uniform_samples
 from .edit.bake import BakeConfig as BakeConfig
 from .edit.bake import EditStep as EditStep

@@ -91,6 +91,16 @@ def density_at(field: Field, points: np.ndarray) -> np.ndarray:
         return field.density(torch.from_numpy(points).to(field.box.lower.device)).double().cpu().numpy()
 
 
+_RIM = 1e-6
+"""Share of the box by which points on its border are moved inwards."""
+
+
+def density_in_box(field: Field, points: np.ndarray) -> np.ndarray:
+    """`density_at` points of the box: its border belongs to it, however coordinates are rounded."""
+    lower, size = (part.double().cpu().numpy() for part in (field.box.lower, field.box.size))
+    return density_at(field, np.clip(points, lower + _RIM * size, lower + (1 - _RIM) * size))
+
+
 def box_interval(
     box: Box, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
 ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.core.occupancy import SOLID_DENSITY
-from nerfnav.field.core.protocol import Field
+from nerfnav.field.core.protocol import Field, density_in_box
 from nerfnav.geometry import node_positions, shape_for, spacing_of
 
 if TYPE_CHECKING:
@@ -19,10 +19,9 @@ _POINTS_AT_ONCE = 1 << 18
 
 def _sample_density(field: Field, shape: tuple[int, int, int]) -> np.ndarray:
     """Densities [1/m] on the nodes of a regular grid."""
-    points = node_positions(field.box, shape).reshape(-1, 3)
-    with torch.no_grad():
-        parts = [field.density(part) for part in points.split(_POINTS_AT_ONCE)]
-    return torch.cat(parts).reshape(shape).numpy()
+    points = node_positions(field.box, shape).reshape(-1, 3).double()
+    parts = [density_in_box(field, part.numpy()) for part in points.split(_POINTS_AT_ONCE)]
+    return np.concatenate(parts).reshape(shape).astype(np.float32)
 
 
 def field_mesh(field: Field, spacing: float, level: float = 50.0) -> "trimesh.Trimesh":

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.core.memory import require_memory
-from nerfnav.field import Field, GridField
+from nerfnav.field import Field, GridField, density_in_box
 from nerfnav.field.core.occupancy import raw_of
 from nerfnav.geometry import Box, node_positions, shape_for, spacing_of
 from nerfnav.planner.kernels import maps
@@ -34,8 +34,6 @@ from nerfnav.robots import Body, RigidState
 _POINTS_AT_ONCE = 1 << 17
 _MOST_LEVELS = 64
 """Largest number of heights at which a layer is looked at."""
-_RIM = 1e-6
-"""Share of the box by which points on its border are moved inwards."""
 
 
 def marked_columns(field: GridField, body: Body, scales: Scales, parts: int) -> UInt8[np.ndarray, "fx fy nz"]:
@@ -107,16 +105,9 @@ def dense_at(
     field: Field, points: Float[Tensor, "*shape 3"], threshold: float
 ) -> UInt8[Tensor, "*shape"]:
     """Mark points with a density above a threshold [1/m]."""
-    like, parts = field.box.lower, points.reshape(-1, 3).split(_POINTS_AT_ONCE)
-    if isinstance(field, GridField):
-        # the border belongs to the box, whatever rounding makes of it
-        box, rim = field.box.to("cpu"), _RIM * field.box.to("cpu").size.double()
-        inside = [part.double().clamp(box.lower + rim, box.upper - rim) for part in parts]
-        found = [torch.from_numpy(field.density_and_gradient(part.numpy())[0]) for part in inside]
-    else:
-        found = [field.density(part.to(like)).cpu() for part in parts]
-    dense = torch.cat(found) > threshold
-    return dense.reshape(points.shape[:-1]).to(torch.uint8)
+    parts = points.reshape(-1, 3).double().cpu().split(_POINTS_AT_ONCE)
+    dense = np.concatenate([density_in_box(field, part.numpy()) > threshold for part in parts])
+    return torch.from_numpy(dense.astype(np.uint8)).reshape(points.shape[:-1])
 
 
 def pooled(dense: UInt8[Tensor, "nx ny nz"], reach: int) -> UInt8[Tensor, "nx ny nz"]:

@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from nerfnav.field.core.occupancy import EMPTY_RAW
-from nerfnav.field.core.protocol import density_and_gradient, uniform_samples
+from nerfnav.field.core.protocol import density_and_gradient, density_at, density_in_box, uniform_samples
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.render.volume_rendering import render_rays
+from nerfnav.geometry import Box, node_positions
 from tests.field.fields import BOX, ball, random_rays, random_voxels
 
 
@@ -35,6 +36,18 @@ def test_the_fields_own_samples_give_the_reference_colour():
     rays = random_rays(300, seed=2)
     reference = render_rays(field, *rays, uniform_samples(BOX, *rays, field.step))
     assert (render_rays(field, *rays).color - reference.color).abs().max() < 1e-3
+
+
+def test_the_border_of_the_box_belongs_to_it_however_coordinates_are_rounded():
+    beyond = 0
+    for lower, upper in np.random.default_rng(0).uniform((-9, 0.1), (0, 9), (20, 2)):
+        box = Box(torch.full((3,), float(lower)), torch.full((3,), float(upper)))
+        field = VoxelField(box, torch.full((4, 4, 4, 4), 0.5), torch.zeros(3))
+        nodes = node_positions(box, (5, 5, 5)).reshape(-1, 3).double().numpy() * (1 + 1e-7)
+        beyond += (density_at(field, nodes) == 0).sum()
+        assert density_in_box(field, nodes) == pytest.approx(density_in_box(field, nodes[:1])[0])
+        assert density_in_box(field, nodes[:1]) > 0
+    assert beyond, "no coordinate was rounded outwards"
 
 
 @pytest.mark.parametrize("count", [500, 30_000])  # one thread, all threads
