@@ -33,7 +33,7 @@ from nerfnav.field.edit.bake import EditStep
 from nerfnav.field.kernels.triangles import cross_edges, grow, nearest_triangles, splat_colors
 from nerfnav.field.models.grid_field import grey_nodes
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.geometry import Box, shape_for, spacing_of
+from nerfnav.geometry import Box, dilate_nodes, shape_for, spacing_of
 
 _SLOPE, _DENSEST = 8.0, 2.0
 """Rise of raw density in a voxel towards the inside, and the largest one."""
@@ -164,7 +164,7 @@ def _signed(
 ) -> Float[np.ndarray, "nx ny nz"]:
     """Distance from the surface [m], negative in what is solid; infinite far from it in free space, -infinite else."""
     signed = np.where(reached, distance, -distance)
-    beside = scipy.ndimage.binary_dilation(behind, np.ones((3, 3, 3), bool))
+    beside = dilate_nodes(torch.from_numpy(behind)).numpy()
     nodes = np.argwhere(beside & reached & (distance < grid.voxel))
     index = tuple(nodes.T)
     face = nearest[index]
