@@ -17,7 +17,7 @@ def test_an_uploaded_video_is_posed_in_view_and_planned_in(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for quality in BUDGETS_S:
-        monkeypatch.setitem(BUDGETS_S, quality, 6.0)
+        monkeypatch.setitem(BUDGETS_S, quality, 3.0)
     video = tmp_path / "walk.avi"
     film_playground(video, count=24, arc=2.0)
     app = serve(opening_work())

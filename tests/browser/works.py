@@ -1,7 +1,7 @@
 """Real jobs that are small enough for tests in a browser."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 
 from nerfnav.estimator.core.filter_config import DescentConfig, FilterConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig
@@ -27,6 +27,7 @@ def calm_flights(app: App) -> None:
         app.post(Adjust(Settings.FLIGHT, name, _CALM.position_m))
 
 
+@cache
 def roomy_place() -> Place:
     """Three balls, with room around them."""
     return balls_place(_ROOM)
