@@ -236,7 +236,7 @@ class _Profile:
         camera = reduce_camera(camera.for_picture(picture.shape[1], picture.shape[0]))
         self._field, self._camera, self._noise, self._config = field, camera, noise, config
         self._pictures = [resize_picture(sighting.picture, camera) for sighting in sightings]
-        self._patches = [count_patches(picture, noise_std=noise.std) for picture in self._pictures]
+        self._patches = [count_patches(picture, noise_std=noise.usual_std(field)) for picture in self._pictures]
         self._poses = {start: [sighting.pose for sighting in sightings]}
         self._costs: dict[int, np.ndarray] = {}
         self._pixels = draw_spaced_pixels(camera, config.pixels, torch.Generator().manual_seed(0))

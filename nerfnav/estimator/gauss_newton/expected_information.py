@@ -53,7 +53,7 @@ def expected_information(
     seen = replace(every, pixels=pixels, colors=colors[pixels[:, 1], pixels[:, 0]])
 
     noise, compared = config.color_noise, config.pyramid.pixels
-    patches = count_patches(image, noise_std=noise.std)
+    patches = count_patches(image, noise_std=noise.usual_std(view.levels[0]))
     alike = noise.alike_of(compared, patches) * noise.doubt(noise.std**2, patches) * len(pixels) / compared
     known = join_information(precision(covariance), (config.gain_std, config.bias_std))
     robust, guess, over = config.pyramid.robust[-1], Guess.at(pose[None]), invert(known[POSE, POSE].double())

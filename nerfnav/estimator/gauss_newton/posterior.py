@@ -88,7 +88,7 @@ class UpdateProblem:
     @cached_property
     def patches(self) -> float:
         """Number of independent patches of the picture."""
-        return count_patches(self.image, noise_std=self.config.color_noise.std)
+        return count_patches(self.image, noise_std=self.config.color_noise.usual_std(self.view.levels[0]))
 
     @cached_property
     def pose_information(self) -> Float[Tensor, "6 6"]:

@@ -18,7 +18,7 @@ from torch import Tensor
 from nerfnav.core.jit import array_of, threads
 from nerfnav.estimator.photometric.kernels.descent import slopes
 from nerfnav.estimator.photometric.kernels.probe import probe
-from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, get_ray_grid, render_rays
+from nerfnav.field import FastRenderer, Field, GridField, RaySamples, colors_and_jacobian, get_ray_grid, render_rays
 from nerfnav.field.render.volume_rendering import before_backdrop
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.robots import RigidState
@@ -31,6 +31,9 @@ _TABLED = 1 << 18
 """Pixels of the largest camera whose directions are kept: a table of more would not fit the cache."""
 _DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian whose median absolute deviation is 1."""
+
+_CORE = 3.0
+"""Robust deviations within which errors are no outliers."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,14 @@ class ColorNoise:
     def measured(self, std: float | None) -> "ColorNoise":
         """Return the noise with the measured `std` of a field (`field.info.noise_std`); None changes nothing."""
         return self if std is None else replace(self, std=std)
+
+    def usual_std(self, field: Field) -> float:
+        """Return the noise of most patches of a picture: a field that errs at few edges alone still shows its walls.
+
+        It is at most three times the field's noise without outliers, where that was measured.
+        """
+        core = field.info.noise_core_std if isinstance(field, GridField) else None
+        return self.std if core is None else min(self.std, _CORE * core)
 
     def alike_of(self, pixels: int, patches: float) -> float:
         """Return k of so many pixels of a picture of so many patches."""

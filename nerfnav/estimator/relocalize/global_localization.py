@@ -290,7 +290,8 @@ def _settle(
     more, there = _descend(seen, around, config.iterations[-1], config.robust[-1], noise, config)
     ends, here = _Ranking.cat([ends, more]), Iterate.cat([here, there])
     step = ends[select_distinct(ends.poses, ends.cost, config.alike)].step(1.0)
-    covariance = _mixture_covariance(ends, here, seen, noise, count_patches(image, noise_std=noise.std), config)
+    patches = count_patches(image, noise_std=noise.usual_std(seen.field))
+    covariance = _mixture_covariance(ends, here, seen, noise, patches, config)
     return RelocaliseResult(judge(step, covariance, noise, config), step, covariance)
 
 

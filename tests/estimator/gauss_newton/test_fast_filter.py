@@ -20,6 +20,7 @@ from nerfnav.estimator.paper.cost import PoseCost
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise, FieldCamera, Observation, count_patches
+from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
@@ -29,6 +30,7 @@ from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, Updated, balls, draws, picture, updated
+from tests.field.fields import random_voxels
 
 SMALL = StateNoise(0.01, 0.01, 0.01, 0.01)
 SEARCH = SearchConfig(candidates=12, starts=3, pixels=(60, 100), iterations=(2, 3, 8))
@@ -251,6 +253,16 @@ def test_a_wall_without_anything_on_it_is_worth_one_patch_however_large_it_is():
     assert count_patches(textured, noise_std=0.05) > 0.85 * count_patches(textured)
     half = torch.cat([textured[:, :50], wall[:, 50:]], 1)
     assert count_patches(half, noise_std=0.05) == pytest.approx(0.5 * count_patches(textured), rel=0.2)
+
+
+def test_a_wall_counts_in_a_field_whose_errors_are_at_few_edges_alone():
+    shades = 120 + 6 * torch.randn(100, 100, 1, generator=draws(0)).expand(100, 100, 3)
+    wall = shades.round().to(torch.uint8)
+    noise, field = ColorNoise(std=0.04), random_voxels()
+    sharp, even = (replace(field, info=FieldInfo(noise_core_std=core)) for core in (0.004, 0.03))
+    counted = count_patches(wall, noise_std=noise.usual_std(sharp))
+    assert counted > 2 * count_patches(wall, noise_std=0.04) and counted > 70
+    assert noise.usual_std(even) == noise.usual_std(field) == noise.usual_std(balls()) == 0.04
 
 
 def test_the_process_term_is_that_of_the_papers_cost():
