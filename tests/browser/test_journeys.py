@@ -78,7 +78,7 @@ def test_own_splats_are_opened_flown_in_and_kept(
 def test_an_own_mesh_is_learned_and_flown_in(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(BUDGETS_S, USUAL, 8.0)
+    monkeypatch.setitem(BUDGETS_S, USUAL, 3.0)
     may_open = threading.Event()
     app = serve(opening_work(may_open))
     tab = open_tab(app)
@@ -98,7 +98,7 @@ def test_an_own_mesh_is_learned_and_flown_in(
 def test_an_own_capture_is_learned_and_flown_in(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(BUDGETS_S, USUAL, 8.0)
+    monkeypatch.setitem(BUDGETS_S, USUAL, 3.0)
     app = serve(opening_work())
     tab = open_tab(app)
     tab.turn_to("Scene")

@@ -97,8 +97,9 @@ _RIM = 1e-6
 
 def density_in_box(field: Field, points: np.ndarray) -> np.ndarray:
     """`density_at` points of the box: its border belongs to it, however coordinates are rounded."""
-    lower, size = (part.double().cpu().numpy() for part in (field.box.lower, field.box.size))
-    return density_at(field, np.clip(points, lower + _RIM * size, lower + (1 - _RIM) * size))
+    box = field.box.to("cpu").to(torch.float64)
+    rim = _RIM * box.size
+    return density_at(field, torch.from_numpy(points).clamp(box.lower + rim, box.upper - rim).numpy())
 
 
 def box_interval(
