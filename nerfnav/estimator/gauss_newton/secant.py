@@ -38,27 +38,30 @@ class PoseGaussian:
 
 def overstates(problem: UpdateProblem, minimum: Minimum) -> bool:
     """Return True where slopes at a minimum overstate what its picture tells."""
-    return _measure_overstated(problem, minimum) is not None
+    return _measure_overstated(problem, minimum, _Compared.of(problem, minimum)) is not None
 
 
 def measure_information(problem: UpdateProblem, minimum: Minimum) -> Minimum:
     """Return a minimum with the information of its picture where slopes at the pose overstate that; else as it is."""
-    found, rounds = _measure_overstated(problem, minimum), problem.config.pyramid.secant.settle - 1
+    by, rounds = _Compared.of(problem, minimum), problem.config.pyramid.secant.settle - 1
+    found = _measure_overstated(problem, minimum, by)
     if found is None:
         return minimum
     if rounds > 0:
-        by, over = _Compared.of(problem, minimum), invert(found + problem.pose_information.double())
+        over = invert(found + problem.pose_information.double())
         found = settle_information(by.seen, by.guess, over, by.prior, by.noise_std, by.alike, by.robust, rounds)
     return replace(minimum, information=found.to(problem.pose_information))
 
 
-def _measure_overstated(problem: UpdateProblem, minimum: Minimum) -> Float[Tensor, "6 6"] | None:
+def _measure_overstated(
+    problem: UpdateProblem, minimum: Minimum, compared: "_Compared"
+) -> Float[Tensor, "6 6"] | None:
     """Measure the information of a minimum's picture in one round; None where that of its slopes holds.
 
     Half of the pixels find more often than all that slopes overstate: all decide only where half do.
     """
     config, slopes = problem.config.pyramid.secant, information_at(problem, minimum).double()
-    known, compared = problem.pose_information.double(), _Compared.of(problem, minimum)
+    known = problem.pose_information.double()
     over, secants, found = invert(slopes / config.widened**2 + known), None, None
     for first in range(2):
         half = replace(compared.seen, pixels=compared.seen.pixels[first::2], colors=compared.seen.colors[first::2])

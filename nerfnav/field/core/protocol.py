@@ -96,7 +96,10 @@ _RIM = 1e-6
 
 
 def density_in_box(field: Field, points: np.ndarray) -> np.ndarray:
-    """`density_at` points of the box: its border belongs to it, however coordinates are rounded."""
+    """`density_at` points of the box: its border belongs to it, however coordinates are rounded.
+
+    Points beyond the border count as those on it that are nearest.
+    """
     box = field.box.to("cpu").to(torch.float64)
     rim = _RIM * box.size
     return density_at(field, torch.from_numpy(points).clamp(box.lower + rim, box.upper - rim).numpy())

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.core.occupancy import Occupancy, raw_of
+from nerfnav.field.core.protocol import density_in_box
 from nerfnav.field.kernels.resample import mark_lost
 from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.models.voxel import VoxelField
@@ -23,8 +24,6 @@ from nerfnav.geometry import Similarity, node_positions
 _CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2))
 _ABOVE = 0.1
 """By how much raw densities that must be solid exceed the threshold: after a file has rounded them, too, they do."""
-_BORDER = 1e-4
-"""Share of a voxel by which points on the border are moved inwards: rounding must not put them outside."""
 _LATTICE = (4, 1)
 """Parts into which the lattice divides the edges of a cell; and lattice points beside a solid one that must be solid,
 too: so is what lies between the points."""
@@ -55,9 +54,7 @@ def least_solid_raw(field: GridField) -> float:
 
 def is_solid(field: GridField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
     """Mark points [m] that are solid for planners; beyond its border a field is as at the border."""
-    slack = _BORDER * field.spacing
-    lower, upper = ((field.box.lower + slack).double().numpy(), (field.box.upper - slack).double().numpy())
-    return field.planned.density_and_gradient(np.clip(points, lower, upper))[0] > field.solid_density
+    return density_in_box(field.planned, points) > field.solid_density
 
 
 def between_grids(field: GridField, before: GridField, to_before: Similarity) -> tuple[np.ndarray, np.ndarray]:

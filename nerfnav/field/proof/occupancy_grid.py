@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.occupancy import Occupancy, UnknownSpace, unproven_shares
-from nerfnav.field.core.protocol import Field
+from nerfnav.field.core.protocol import Field, density_in_box
 from nerfnav.field.models.grid_field import GridField
 
 MOST_VOXELS = 100_000_000
@@ -81,7 +81,6 @@ def _solid(
     field: GridField, threshold: float, axes: list[np.ndarray], edge: float
 ) -> Bool[np.ndarray, "nx ny nz"]:
     """Mark the dense voxels on the lattice of three axes [m], one plane after the other."""
-    lower, upper = (corner.double().cpu().numpy() for corner in (field.box.lower, field.box.upper))
     parts = [(0.0, 0.0, 0.0), *itertools.product((-0.25, 0.25), repeat=3)]
     across = np.stack(np.meshgrid(*axes[1:], indexing="ij"), -1).reshape(-1, 2)
     planes = []
@@ -90,8 +89,7 @@ def _solid(
         found = np.zeros(len(middles), bool)
         for part in parts:
             # the outermost voxels stick out of the box: beyond its border they are as at it
-            points = np.clip(middles + edge * np.array(part), lower, upper)
-            found |= field.density_and_gradient(points)[0] > threshold
+            found |= density_in_box(field, middles + edge * np.array(part)) > threshold
         planes.append(found)
     return np.stack(planes).reshape([len(axis) for axis in axes])
 

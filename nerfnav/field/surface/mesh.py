@@ -19,8 +19,8 @@ _POINTS_AT_ONCE = 1 << 18
 
 def _sample_density(field: Field, shape: tuple[int, int, int]) -> np.ndarray:
     """Densities [1/m] on the nodes of a regular grid."""
-    points = node_positions(field.box, shape).reshape(-1, 3).double()
-    parts = [density_in_box(field, part.numpy()) for part in points.split(_POINTS_AT_ONCE)]
+    points = node_positions(field.box, shape).reshape(-1, 3)
+    parts = [density_in_box(field, part.double().numpy()) for part in points.split(_POINTS_AT_ONCE)]
     return np.concatenate(parts).reshape(shape).astype(np.float32)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from nerfnav.field import Field, density_and_gradient
+from nerfnav.field import Field, density_at
 from nerfnav.geometry import so3
 from nerfnav.planner.active_yaw import wrap_yaw
 from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
@@ -154,7 +154,7 @@ def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMa
     ahead = along.diff(dim=0)
     yaws = torch.atan2(ahead[:, 1], ahead[:, 0]) if robot.planar else torch.zeros(len(ahead))
     points = torch.einsum("nij,bj->nbi", so3.from_yaw(yaws), robot.body.points_body) + along[1:, None]
-    density, _ = density_and_gradient(field, points.reshape(-1, 3).double().numpy())
+    density = density_at(field, points.reshape(-1, 3).double().numpy())
     return float((density.reshape(len(ahead), -1).sum(-1) * ahead.norm(dim=-1).numpy()).sum())
 
 

@@ -105,8 +105,8 @@ def dense_at(
     field: Field, points: Float[Tensor, "*shape 3"], threshold: float
 ) -> UInt8[Tensor, "*shape"]:
     """Mark points with a density above a threshold [1/m]."""
-    parts = points.reshape(-1, 3).double().cpu().split(_POINTS_AT_ONCE)
-    dense = np.concatenate([density_in_box(field, part.numpy()) > threshold for part in parts])
+    parts = points.reshape(-1, 3).cpu().split(_POINTS_AT_ONCE)
+    dense = np.concatenate([density_in_box(field, part.double().numpy()) > threshold for part in parts])
     return torch.from_numpy(dense.astype(np.uint8)).reshape(points.shape[:-1])
 
 
